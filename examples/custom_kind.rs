@@ -6,8 +6,7 @@ use haptograph::engine::bridges::{
 };
 use haptograph::engine::frame::{Kind, KindSpec, Level, OneKind, Scalar, Vector};
 use haptograph::engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeEntry, NodeKind, NodeSpec, Output, Processor,
-    Tick, input, output,
+    BuildContext, BuildError, Built, Io, Latency, NodeEntry, NodeKind, Port, Processor, Tick,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::engine::settings::NoSettings;
@@ -71,72 +70,54 @@ impl BridgeType for Slerp {
     }
 }
 
-/// Makes an orientation of an angle.
-pub struct Turn;
+haptograph::engine::node! {
+    /// The orientation of a tool that is turned about the vertical.
+    pub struct Turn(NoSettings) in "mine";
+    example: r#""tool": Turn(angle: "wrist")"#;
+    in ANGLE: Scalar = Port::of(Quantity::ANGLE, "How far, rad.");
+    out ORIENTATION: Orientation = Port::of(Quantity::NUMBER, "Of the tool.");
+}
 
 impl NodeKind for Turn {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Turn",
-        group: "mine",
-        doc: "The orientation of a tool that is turned about the vertical.",
-        source: "",
-        inputs: &[input("angle", Kind::SCALAR, Quantity::ANGLE, "How far, rad.")],
-        outputs: &[output("orientation", Orientation::KIND, Quantity::NUMBER, "Of the tool.")],
-        example: r#""tool": Turn(angle: "wrist")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Turning))
     }
 }
-
-const ANGLE: Input<Turn, Scalar> = Input::named("angle");
-const TURNED: Output<Turn, Orientation> = Output::named("orientation");
 
 #[derive(Clone)]
 struct Turning;
 
 impl Processor<Turn> for Turning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Turn>) {
-        let angles_rad = io.read(ANGLE);
-        for (frame, angle_rad) in io.write(TURNED).iter_mut().zip(angles_rad) {
+        let angles_rad = io.read(Turn::ANGLE);
+        for (frame, angle_rad) in io.write(Turn::ORIENTATION).iter_mut().zip(angles_rad) {
             let (sine, cosine) = (angle_rad / 2.0).sin_cos();
             *frame = [cosine, 0.0, 0.0, sine];
         }
     }
 }
 
-/// Where a tool points.
-pub struct Pointing;
+haptograph::engine::node! {
+    /// The direction of a tool that lies along x before it is turned.
+    pub struct Pointing(NoSettings) in "mine";
+    example: r#""tip": Pointing(clock: "servo", orientation: Slerp("tool"))"#;
+    in ORIENTATION: Orientation = Port::of(Quantity::NUMBER, "Of the tool.");
+    out DIRECTION: Vector = Port::of(Quantity::NUMBER, "A unit vector.");
+}
 
 impl NodeKind for Pointing {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Pointing",
-        group: "mine",
-        doc: "The direction of a tool that lies along x before it is turned.",
-        source: "",
-        inputs: &[input("orientation", Orientation::KIND, Quantity::NUMBER, "Of the tool.")],
-        outputs: &[output("direction", Kind::VECTOR, Quantity::NUMBER, "A unit vector.")],
-        example: r#""tip": Pointing(clock: "servo", orientation: Slerp("tool"))"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Axis))
     }
 }
-
-const ORIENTATION: Input<Pointing, Orientation> = Input::named("orientation");
-const DIRECTION: Output<Pointing, Vector> = Output::named("direction");
 
 #[derive(Clone)]
 struct Axis;
 
 impl Processor<Pointing> for Axis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Pointing>) {
-        let orientations = io.read(ORIENTATION);
-        for (direction, [w, x, y, z]) in io.write(DIRECTION).iter_mut().zip(orientations) {
+        let orientations = io.read(Pointing::ORIENTATION);
+        for (direction, [w, x, y, z]) in io.write(Pointing::DIRECTION).iter_mut().zip(orientations) {
             *direction = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
         }
     }

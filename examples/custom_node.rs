@@ -1,10 +1,9 @@
 //! A program with a node kind of its own and every command of haptograph:
 //! `cargo run --release --example custom_node -- run examples/custom_node.ron`.
 
-use haptograph::engine::frame::{Kind, Scalar};
+use haptograph::engine::frame::Scalar;
 use haptograph::engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -22,28 +21,19 @@ haptograph::engine::settings! {
     }
 }
 
-/// Rest positions along a way.
-pub struct Detents;
+haptograph::engine::node! {
+    /// Pulls the tool to the nearest of evenly spaced rest positions: F = -F0 sin(2 pi x / pitch).
+    pub struct Detents(DetentsSettings) in "mine";
+    example: r#""detents": Detents(position: "hand", pitch_mm: 5)"#;
+    in POSITION: Scalar = Port::of(Quantity::LENGTH, "Where the tool is, m.");
+    out FORCE: Scalar = Port::of(Quantity::FORCE, "On the tool, N.");
+}
 
 impl NodeKind for Detents {
-    type Settings = DetentsSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Detents",
-        group: "mine",
-        doc: "Pulls the tool to the nearest of evenly spaced rest positions: F = -F0 sin(2 pi x / pitch).",
-        source: "",
-        inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
-        outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
-        example: r#""detents": Detents(position: "hand", pitch_mm: 5)"#,
-    };
-
     fn build(settings: DetentsSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Pull { radians_per_m: TAU / settings.pitch_mm.si(), strength_n: settings.strength_n }))
     }
 }
-
-const POSITION: Input<Detents, Scalar> = Input::named("position");
-const FORCE: Output<Detents, Scalar> = Output::named("force");
 
 #[derive(Clone)]
 struct Pull {
@@ -53,8 +43,8 @@ struct Pull {
 
 impl Processor<Detents> for Pull {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Detents>) {
-        let positions_m = io.read(POSITION);
-        for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
+        let positions_m = io.read(Detents::POSITION);
+        for (force_n, position_m) in io.write(Detents::FORCE).iter_mut().zip(positions_m) {
             *force_n = -self.strength_n * (self.radians_per_m * position_m).sin();
         }
     }

@@ -1,10 +1,9 @@
 //! A node kind whose inputs and outputs the graph names:
 //! `cargo run --release --example named_ports -- run examples/named_ports.ron`.
 
-use haptograph::engine::frame::{Kind, Scalar};
+use haptograph::engine::frame::Scalar;
 use haptograph::engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Named, NodeEntry, NodeKind, NodeSpec, Output, OutputFamily,
-    Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Family, Io, Named, NodeEntry, NodeKind, Port, Processor, Tick,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -18,31 +17,23 @@ haptograph::engine::settings! {
     }
 }
 
-/// Fingers around an object.
-pub struct Grip;
+haptograph::engine::node! {
+    /// Adds the forces of fingers, and gives the shares of some of them.
+    pub struct Grip(GripSettings) in "mine";
+    example: r#""grip": Grip(fingers: {"thumb": "a.output", "index": "b.output"}, shares: ["thumb"])"#;
+    in FINGERS: Scalar, Named = Port::of(Quantity::FORCE, "Force of each finger, N.");
+    out WHOLE: Scalar = Port::of(Quantity::FORCE, "Sum of the forces, N.");
+    out SHARES: Scalar, Family =
+        Port::of(Quantity::NUMBER, "Part of the whole; 0 without a force.").named_by("shares");
+}
 
 impl NodeKind for Grip {
-    type Settings = GripSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Grip",
-        group: "mine",
-        doc: "Adds the forces of fingers, and gives the shares of some of them.",
-        source: "",
-        inputs: &[input("fingers", Kind::SCALAR, Quantity::FORCE, "Force of each finger, N.").named()],
-        outputs: &[
-            output("whole", Kind::SCALAR, Quantity::FORCE, "Sum of the forces, N."),
-            output("shares", Kind::SCALAR, Quantity::NUMBER, "Part of the whole; 0 without a force.")
-                .named_by("shares"),
-        ],
-        example: r#""grip": Grip(fingers: {"thumb": "a.output", "index": "b.output"}, shares: ["thumb"])"#,
-    };
-
     fn members(settings: &GripSettings) -> Result<Vec<String>, BuildError> {
         Ok(settings.shares.clone())
     }
 
     fn build(settings: GripSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let fingers = cx.names(FINGERS);
+        let fingers = cx.names(Grip::FINGERS);
         if fingers.is_empty() {
             let wrong = BuildError::at("fingers", "the fingers need names");
             return Err(wrong.help("write a map: {\"thumb\": \"a.output\", \"index\": \"b.output\"}"));
@@ -59,10 +50,6 @@ impl NodeKind for Grip {
     }
 }
 
-const FINGERS: Input<Grip, Scalar, Named> = Input::named("fingers");
-const WHOLE: Output<Grip, Scalar> = Output::named("whole");
-const SHARES: OutputFamily<Grip, Scalar> = OutputFamily::named("shares");
-
 #[derive(Clone)]
 struct Sum {
     /// The finger of each share.
@@ -71,13 +58,13 @@ struct Sum {
 
 impl Processor<Grip> for Sum {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, Grip>) {
-        let fingers = io.read(FINGERS);
+        let fingers = io.read(Grip::FINGERS);
         for frame in 0..tick.frames {
             let whole_n: f64 = fingers.iter().map(|force_n| force_n[frame]).sum();
-            io.write(WHOLE)[frame] = whole_n;
+            io.write(Grip::WHOLE)[frame] = whole_n;
             for (member, finger) in self.shares.iter().enumerate() {
                 let share = fingers.nth_or_last(*finger)[frame] / whole_n;
-                io.write_member(SHARES, member)[frame] = if share.is_finite() { share } else { 0.0 };
+                io.write_member(Grip::SHARES, member)[frame] = if share.is_finite() { share } else { 0.0 };
             }
         }
     }

@@ -1,10 +1,9 @@
 //! A node kind with state and a setting that can be changed while it runs:
 //! `cargo run --release --example stateful_node -- run examples/stateful_node.ron`.
 
-use haptograph::engine::frame::{Kind, Scalar};
+use haptograph::engine::frame::Scalar;
 use haptograph::engine::node::{
-    BuildContext, BuildError, Built, Input, Io, LiveId, NodeEntry, NodeKind, NodeSpec, Output, Processor,
-    Tick, input, output,
+    BuildContext, BuildError, Built, Io, LiveId, NodeEntry, NodeKind, Port, Processor, Tick,
 };
 use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
@@ -21,21 +20,15 @@ haptograph::engine::settings! {
     }
 }
 
-/// A bristle whose foot sticks until it is pulled too hard.
-pub struct Bristle;
+haptograph::engine::node! {
+    /// Dry friction: a spring from the tool to a foot that sticks until the spring pulls too hard, and then is dragged.
+    pub struct Bristle(BristleSettings) in "mine";
+    example: r#""drag": Bristle(position: "hand", slips_at_n: 0.4)"#;
+    in POSITION: Scalar = Port::of(Quantity::LENGTH, "Where the tool is, m.");
+    out FORCE: Scalar = Port::of(Quantity::FORCE, "On the tool, N.");
+}
 
 impl NodeKind for Bristle {
-    type Settings = BristleSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Bristle",
-        group: "mine",
-        doc: "Dry friction: a spring from the tool to a foot that sticks until the spring pulls too hard, and then is dragged.",
-        source: "",
-        inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
-        outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
-        example: r#""drag": Bristle(position: "hand", slips_at_n: 0.4)"#,
-    };
-
     fn build(settings: BristleSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.stiffness_n_per_mm.si() == 0.0 && settings.slips_at_n > 0.0 {
             let wrong = BuildError::at("stiffness_n_per_mm", "a bristle without stiffness never slips");
@@ -48,10 +41,6 @@ impl NodeKind for Bristle {
         }))
     }
 }
-
-const POSITION: Input<Bristle, Scalar> = Input::named("position");
-const FORCE: Output<Bristle, Scalar> = Output::named("force");
-const SLIPS_AT_N: LiveId<Bristle> = LiveId::named("slips_at_n");
 
 #[derive(Clone)]
 struct Spring {
@@ -74,15 +63,15 @@ impl Spring {
 
 impl Processor<Bristle> for Spring {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Bristle>) {
-        let positions_m = io.read(POSITION);
-        for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
+        let positions_m = io.read(Bristle::POSITION);
+        for (force_n, position_m) in io.write(Bristle::FORCE).iter_mut().zip(positions_m) {
             *force_n = self.pull_n(*position_m);
         }
     }
 
     /// The graph sets a live setting.
-    fn set(&mut self, setting: LiveId<Bristle>, value: f64) {
-        if setting == SLIPS_AT_N {
+    fn set(&mut self, setting: LiveId<BristleSettings>, value: f64) {
+        if setting == BristleSettings::slips_at_n {
             self.slips_at_n = value;
         }
     }

@@ -3,11 +3,10 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use haptograph_engine::document::{Builder, Document, Part, ring as from_ring};
-use haptograph_engine::frame::{Kind, Linear, Scalar};
+use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, Law, Many, NodeEntry, NodeKind, NodeSpec, Output,
-    Presence, Processor, Tick, any_input, input, output,
+    BuildContext, BuildError, Built, Io, Law, Many, NodeEntry, NodeKind, Port, Processor, Tick,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -266,53 +265,78 @@ fn plan(graph: &Graph, block: usize) -> Plan {
     Plan::of(graph, &PlanOptions::default().block(block)).remove(0)
 }
 
-const INPUT: InputSpec = input("input", Kind::SCALAR, Quantity::NUMBER, "Samples.");
-const INPUTS: InputSpec = InputSpec { presence: Presence::Many, ..any_input("inputs", "Samples.") };
-
-/// Node kinds without settings, each with how it is built and what its processor does.
-macro_rules! kinds {
-    ($($name:ident($inputs:expr) = $built:expr;)*) => { $(
-        #[derive(Clone)]
-        struct $name;
-
-        impl NodeKind for $name {
-            type Settings = NoSettings;
-            const SPEC: NodeSpec = NodeSpec {
-                name: stringify!($name),
-                group: "bench",
-                doc: "Of the bench.",
-                source: "",
-                inputs: $inputs,
-                outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "Samples.")],
-                example: "",
-            };
-
-            fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-                Ok($built)
-            }
-        }
-    )* };
+haptograph_engine::node! {
+    /// Of the bench.
+    struct Source(NoSettings) in "bench";
+    example: "";
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
 }
 
-kinds! {
-    Source(&[]) = Built::new(Source);
-    Nothing(&[INPUT]) = Built::new(Nothing);
-    Copy(&[INPUT]) = Built::new(Copy);
-    Product(&[INPUT]) = Built::law(Law::Scale(0.5), FACTOR, PRODUCT);
-    Mix(&[INPUTS]) = Built::new(Mix);
+impl NodeKind for Source {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Source))
+    }
 }
 
-const SOUND: Output<Source, Scalar> = Output::named("output");
-const ORIGINAL: Input<Copy, Scalar> = Input::named("input");
-const COPY: Output<Copy, Scalar> = Output::named("output");
-const FACTOR: Input<Product, Scalar> = Input::named("input");
-const PRODUCT: Output<Product, Scalar> = Output::named("output");
-const TERMS: Input<Mix, Linear, Many> = Input::named("inputs");
-const SUM: Output<Mix, Scalar> = Output::named("output");
+haptograph_engine::node! {
+    /// Of the bench.
+    struct Nothing(NoSettings) in "bench";
+    example: "";
+    in INPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+}
+
+impl NodeKind for Nothing {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Nothing))
+    }
+}
+
+haptograph_engine::node! {
+    /// Of the bench.
+    struct Copy(NoSettings) in "bench";
+    example: "";
+    in INPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+}
+
+impl NodeKind for Copy {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Copy))
+    }
+}
+
+haptograph_engine::node! {
+    /// Of the bench.
+    struct Product(NoSettings) in "bench";
+    example: "";
+    in INPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+}
+
+impl NodeKind for Product {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::law(Law::Scale(0.5), Self::INPUT, Self::OUTPUT))
+    }
+}
+
+haptograph_engine::node! {
+    /// Of the bench.
+    struct Mix(NoSettings) in "bench";
+    example: "";
+    in INPUTS: Linear, Many = Port::any("Samples.");
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "Samples.");
+}
+
+impl NodeKind for Mix {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Mix))
+    }
+}
 
 impl Processor<Source> for Source {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Source>) {
-        io.write(SOUND).fill(0.5);
+        io.write(Source::OUTPUT).fill(0.5);
     }
 }
 
@@ -322,16 +346,16 @@ impl Processor<Nothing> for Nothing {
 
 impl Processor<Copy> for Copy {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Copy>) {
-        let x = io.read(ORIGINAL);
-        io.write(COPY).copy_from_slice(x);
+        let x = io.read(Copy::INPUT);
+        io.write(Copy::OUTPUT).copy_from_slice(x);
     }
 }
 
 impl Processor<Mix> for Mix {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Mix>) {
-        let terms = io.read(TERMS);
+        let terms = io.read(Mix::INPUTS);
         let (a, b) = (terms.nth_or_last(0), terms.nth_or_last(1));
-        for ((y, a), b) in io.write(SUM).iter_mut().zip(a).zip(b) {
+        for ((y, a), b) in io.write(Mix::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = 0.5 * (a + b);
         }
     }

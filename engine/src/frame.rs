@@ -241,10 +241,9 @@ pub enum AnyKind {}
 ///
 /// ```
 /// use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind};
-/// use haptograph_engine::node::Output;
-/// # use haptograph_engine::node::{BuildContext, BuildError, Built, NodeKind, NodeSpec, output};
-/// # use haptograph_engine::settings::NoSettings;
-/// # use haptograph_signal::quantity::Quantity;
+/// use haptograph_engine::node::Port;
+/// use haptograph_engine::settings::NoSettings;
+/// use haptograph_signal::quantity::Quantity;
 ///
 /// const COLOUR: Kind = Kind::new(&KindSpec {
 ///     name: "colour",
@@ -263,23 +262,18 @@ pub enum AnyKind {}
 ///     type Array = [f64; COLOUR.width()];
 /// }
 ///
-/// # struct Lamp;
-/// # impl NodeKind for Lamp {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec {
-/// #         name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
-/// #         outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
-/// #         example: "",
-/// #     };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const LIGHT: Output<Lamp, Colour> = Output::named("light");
+/// haptograph_engine::node! {
+///     /// A light.
+///     struct Lamp(NoSettings) in "mine";
+///     example: "";
+///     out LIGHT: Colour = Port::of(Quantity::NUMBER, "Its colour.");
+/// }
 /// ```
 ///
 /// A frame with another number of components does not compile:
 /// ```compile_fail,E0080
 /// # use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind};
-/// # use haptograph_engine::node::{BuildContext, BuildError, Built, NodeKind, NodeSpec, Output, output};
+/// # use haptograph_engine::node::Port;
 /// # use haptograph_engine::settings::NoSettings;
 /// # use haptograph_signal::quantity::Quantity;
 /// # const COLOUR: Kind = Kind::new(&KindSpec {
@@ -296,17 +290,12 @@ pub enum AnyKind {}
 ///     const KIND: Kind = COLOUR;
 ///     type Array = [f64; 4];
 /// }
-/// # struct Lamp;
-/// # impl NodeKind for Lamp {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec {
-/// #         name: "Lamp", group: "mine", doc: "A light.", source: "", inputs: &[],
-/// #         outputs: &[output("light", COLOUR, Quantity::NUMBER, "Its colour.")],
-/// #         example: "",
-/// #     };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const LIGHT: Output<Lamp, Colour> = Output::named("light");
+/// haptograph_engine::node! {
+///     /// A light.
+///     struct Lamp(NoSettings) in "mine";
+///     example: "";
+///     out LIGHT: Colour = Port::of(Quantity::NUMBER, "Its colour.");
+/// }
 /// ```
 pub trait OneKind: 'static {
     /// The kind.

@@ -25,20 +25,22 @@
 //! ```
 //! use haptograph_engine::device::DeviceEntry;
 //! use haptograph_engine::document::Document;
-//! use haptograph_engine::frame::Kind;
 //! use haptograph_engine::graph::{CheckOptions, check};
 //! use haptograph_engine::host::{PlayOptions, Player, Scalar};
-//! use haptograph_engine::node::{NodeEntry, NodeSpec, output};
+//! use haptograph_engine::frame;
+//! use haptograph_engine::node::{NodeEntry, Port};
 //! use haptograph_engine::registry::Registry;
+//! use haptograph_engine::settings::NoSettings;
 //! use haptograph_signal::quantity::Quantity;
 //!
-//! const PAD: NodeSpec = NodeSpec {
-//!     name: "Pad", group: "mine", doc: "Reads a pad.", source: "", inputs: &[],
-//!     outputs: &[output("position", Kind::SCALAR, Quantity::LENGTH, "Of the finger, m.")],
-//!     example: "",
-//! };
+//! haptograph_engine::node! {
+//!     /// Reads a pad.
+//!     struct Pad(NoSettings) in "mine";
+//!     example: r#""finger": Pad(clock: "servo", endpoint: "pad")"#;
+//!     out POSITION: frame::Scalar = Port::of(Quantity::LENGTH, "Of the finger, m.");
+//! }
 //! let mut registry = Registry::new();
-//! registry.add(NodeEntry::source(&PAD)).add_device(DeviceEntry::host());
+//! registry.add(NodeEntry::source::<Pad>()).add_device(DeviceEntry::host());
 //!
 //! let document = Document::parse("pad.ron", r#"Graph(
 //!     format: 1,

@@ -208,13 +208,13 @@ impl<'a, K> Io<'a, K> {
     /// Number of members of the family of outputs.
     #[inline]
     pub fn members<F: FrameKind>(&self, family: OutputFamily<K, F>) -> usize {
-        self.ports.outputs.len().saturating_sub(family.first())
+        self.ports.outputs.len().saturating_sub(family.index())
     }
 
     /// Components of one frame of the members of the family, at least 1.
     #[inline]
     pub fn member_width<F: AnyWidth>(&self, family: OutputFamily<K, F>) -> usize {
-        let first = self.ports.outputs.get(family.first());
+        let first = self.ports.outputs.get(family.index());
         first.map_or(1, |placing| placing.width as usize)
     }
 
@@ -231,7 +231,7 @@ impl<'a, K> Io<'a, K> {
     ) -> F::FramesMut<'_> {
         let members = self.members(family);
         assert!(member < members, "there are {members} members, and no member {member}");
-        self.ports.write::<F>(family.first() + member)
+        self.ports.write::<F>(family.index() + member)
     }
 
     /// The frames of several outputs, a tuple of different handles in any order, each to be filled completely:

@@ -4,6 +4,8 @@
 //! state that runs. These are two traits. The engine itself runs actuator sinks and file sinks, so that no node can bypass the limiter or do
 //! input and output in a tick.
 
+#[macro_use]
+mod declare;
 mod entry;
 mod fallback;
 mod port;
@@ -11,7 +13,6 @@ mod processor;
 mod spec;
 
 use crate::frame::{FrameKind, Kind};
-use crate::settings::Settings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
 use std::path::Path;
@@ -21,19 +22,22 @@ pub use crate::io::{Connections, Io, Runs};
 pub use crate::limiter::Limit;
 pub use crate::scripted::{OfflineOnly, ScriptBuild, Scripted, ScriptedKind};
 pub use crate::settings::{LiveId, SettingId};
+pub use declare::Declared;
+#[doc(hidden)]
+pub use declare::{first, lower, port_name};
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
 pub use fallback::{Fallback, next_change};
 pub use port::{
-    Held, Input, Many, Mode, Named, OneSignal, Optional, Output, OutputFamily, Outputs, Sampled, Several,
+    Count, Family, Held, Input, Many, Mode, Named, One, OneSignal, Optional, Output, OutputFamily, Outputs,
+    Sampled, Several,
 };
 pub(crate) use processor::AnyProcessor;
 #[cfg(test)]
 pub(crate) use processor::Of;
 pub use processor::{AfterData, Built, DataEnd, Latency, Law, Processor, Tick};
 pub use spec::{
-    Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, Presence, QuantityRule,
-    any_input, input, output, output_like,
+    Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, Port, Presence, QuantityRule,
 };
 
 /// The longest block, in driver frames.
@@ -44,7 +48,7 @@ pub(crate) const MAX_NAMED: usize = 1024;
 /// The most members of a family of outputs.
 pub(crate) const MAX_MEMBERS: usize = 64;
 /// The most characters in the name of a connection, or of an output that a setting names.
-pub(crate) const MAX_NAME: usize = 64;
+pub const MAX_NAME: usize = 64;
 
 /// Context in which a node is built.
 #[derive(Debug, Clone)]
@@ -188,14 +192,10 @@ impl BuildError {
     }
 }
 
-/// A kind of node that processes signals. The example of [`Processor`] implements one and runs it.
-pub trait NodeKind: Sized + 'static {
-    /// Settings of the kind.
-    type Settings: Settings;
-    /// Ports and documentation.
-    const SPEC: NodeSpec;
+/// A kind of node that processes signals, which [`node!`](crate::node!) declares. The example of [`Processor`] implements one and runs it.
+pub trait NodeKind: Declared + Sized {
     /// The names of the members of its family of outputs, in their order, if its last output is a family
-    /// ([`OutputSpec::named_by`]); it depends on the settings alone. The engine refuses names that are repeated, those of
+    /// ([`Port::named_by`]); it depends on the settings alone. The engine refuses names that are repeated, those of
     /// other outputs, those with `.` or `/` in them, and more than 64.
     ///
     /// # Errors
@@ -225,11 +225,7 @@ pub trait NodeKind: Sized + 'static {
 /// A kind of sink that drives a device. The engine runs its gain and its limiter.
 ///
 /// Its one input has the name of the device's channel. Its output `delivered` is what the device received.
-pub trait ActuatorKind: 'static {
-    /// Settings of the kind, the limit included.
-    type Settings: Settings;
-    /// Ports and documentation; one input, one output `delivered`.
-    const SPEC: NodeSpec;
+pub trait ActuatorKind: Declared {
     /// Gain from the input to the device, and the limit, in SI.
     ///
     /// # Errors
@@ -238,11 +234,7 @@ pub trait ActuatorKind: 'static {
 }
 
 /// A kind of sink that writes a file. It has no clock: it writes every input at the input's rate.
-pub trait FileKind: 'static {
-    /// Settings of the kind.
-    type Settings: Settings;
-    /// Ports and documentation.
-    const SPEC: NodeSpec;
+pub trait FileKind: Declared {
     /// Checks the settings and returns the sink that opens the file when a run starts.
     ///
     /// # Errors

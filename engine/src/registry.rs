@@ -42,22 +42,23 @@ impl Alias {
 /// use haptograph_engine::document::Document;
 /// use haptograph_engine::graph::{CheckOptions, check};
 /// use haptograph_engine::registry::Registry;
-/// # use haptograph_engine::frame::{Kind, Scalar};
+/// # use haptograph_engine::frame::Scalar;
 /// # use haptograph_engine::node::*;
 /// # use haptograph_signal::quantity::Quantity;
 /// # haptograph_engine::settings! { /** Settings of the example. */ pub struct LevelSettings { /** What it gives. */ [live] value: f64 = 1.0; } }
-/// # struct Level;
+/// # haptograph_engine::node! {
+/// #     /// Gives a number.
+/// #     struct Level(LevelSettings) in "mine";
+/// #     example: "";
+/// #     out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "The number.");
+/// # }
 /// # #[derive(Clone)] struct Given(f64);
 /// # impl NodeKind for Level {
-/// #     type Settings = LevelSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Level", group: "mine", doc: "Gives a number.", source: "", inputs: &[],
-/// #         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The number.")], example: "" };
 /// #     fn build(settings: LevelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { Ok(Built::new(Given(settings.value))) }
 /// # }
-/// # const OUTPUT: Output<Level, Scalar> = Output::named("output");
 /// # impl Processor<Level> for Given {
-/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Level>) { io.write(OUTPUT).fill(self.0); }
-/// #     fn set(&mut self, _: LiveId<Level>, value: f64) { self.0 = value; }
+/// #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Level>) { io.write(Level::OUTPUT).fill(self.0); }
+/// #     fn set(&mut self, _: LiveId<LevelSettings>, value: f64) { self.0 = value; }
 /// # }
 ///
 /// let mut registry = Registry::new();

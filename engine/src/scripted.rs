@@ -3,8 +3,8 @@
 //! They are registered like all node kinds. Their processors may allocate, lock and take any time, so live runs refuse
 //! them: they are for offline prototypes.
 
-use crate::node::{Advised, BuildContext, BuildError, Built, Finish, Measured, NodeSpec};
-use crate::settings::{Fields, Reading, SettingSpec};
+use crate::node::{Advised, BuildContext, BuildError, Built, Declared, Finish, Measured, NodeSpec};
+use crate::settings::{Fields, NoSettings, Reading, SettingSpec};
 
 /// A kind of node whose ports and settings are known only when the program runs.
 ///
@@ -25,6 +25,13 @@ pub trait ScriptedKind: Send + Sync + 'static {
 /// [`NodeSpec::any_outputs`].
 #[derive(Debug, Clone, Copy)]
 pub enum Scripted {}
+
+/// Every scripted kind has its own declaration, in values.
+impl Declared for Scripted {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec =
+        NodeSpec { name: "", group: "", doc: "", source: "", inputs: &[], outputs: &[], example: "" };
+}
 
 /// Builds the processor of a scripted node when its clock and connections are known.
 pub type ScriptBuild = Box<dyn FnOnce(&BuildContext) -> Result<Built<Scripted>, BuildError>>;

@@ -3,6 +3,7 @@
 
 #[macro_use]
 mod declare;
+mod declared;
 mod expected;
 mod fields;
 mod live;
@@ -10,14 +11,17 @@ mod rewrite;
 mod unit;
 mod values;
 
+pub(crate) use declared::count;
+#[doc(hidden)]
+pub use declared::declared;
+pub use declared::{DeclaredField, EachField, Flag};
+use declared::{Specs, Take};
 pub(crate) use expected::written;
 pub use expected::{Expected, Form};
-pub use fields::{Fields, fields_of};
+pub use fields::{Fields, fields_of, read_choice};
 pub use haptograph_signal::spelling::closest;
-#[doc(hidden)]
-pub use live::any;
-pub use live::{DeclaredField, LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
-pub(crate) use live::{count_live, has_limit, same};
+pub(crate) use live::same;
+pub use live::{LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
 pub use unit::{Scale, check_unit};
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -104,15 +108,55 @@ pub struct Part {
     pub fields: Vec<SettingSpec>,
 }
 
+impl Part {
+    /// A choice of an enum, with its doc comment and its fields.
+    pub fn of_choice(choice: &'static str, doc: &str, fields: Vec<SettingSpec>) -> Self {
+        Self { choice: Some(choice), doc: doc.trim().to_owned(), fields }
+    }
+}
+
 /// A set of named settings; declared by [`settings!`](crate::settings!).
 pub trait Settings: Sized + 'static {
-    /// The fields among which [`LiveId::named`] looks a name up, in the order of declaration; may be empty if none is live
-    /// or a limit.
-    const FIELDS: &'static [DeclaredField];
+    /// Name of the type.
+    const NAME: &'static str;
+    /// Description, from the doc comment.
+    const DOC: &'static str;
     /// The fields, in the order of declaration.
-    fn specs() -> Vec<SettingSpec>;
+    const FIELDS: &'static [DeclaredField];
+    /// Visits each field, in the order of declaration, and all of them before it gives up, so that all errors are reported.
+    /// `None` if the visitor gives no value for one of them.
+    fn each<V: EachField>(visitor: &mut V) -> Option<Self>;
+    /// The names and values of the fields, in the order of declaration.
+    fn fields(&self) -> Vec<(&'static str, Value)>;
+    /// The fields, in the order of declaration.
+    fn specs() -> Vec<SettingSpec> {
+        let mut specs = Specs::default();
+        let _ = Self::each(&mut specs);
+        specs.0
+    }
     /// Takes its fields out of `fields`. `None` after at least one reported diagnostic.
-    fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self>;
+    fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self> {
+        Self::each(&mut Take { fields, reading })
+    }
+}
+
+/// Settings are a setting of others: a structure of their fields.
+impl<S: Settings> Setting for S {
+    fn expected() -> Expected {
+        Expected::Structure(S::FIELDS.iter().map(|field| field.name).collect())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        let mut fields = fields_of(value, &reading.owner(S::NAME), reading)?;
+        let read = S::take_from(&mut fields, reading);
+        fields.finish(reading);
+        read
+    }
+    fn value(&self) -> Value {
+        Value::structure(self.fields())
+    }
+    fn parts() -> Vec<Part> {
+        vec![Part { choice: None, doc: S::DOC.trim().to_owned(), fields: S::specs() }]
+    }
 }
 
 /// A type that a setting can have.

@@ -5,21 +5,21 @@
 //! # use haptograph_engine::node::*;
 //! # use haptograph_signal::quantity::Quantity;
 //! # haptograph_engine::settings! { /** Settings of the example. */ pub struct TwiceSettings {} }
-//! # struct Twice;
 //! # #[derive(Clone)] struct Doubler;
+//! # haptograph_engine::node! {
+//! #     /// Doubles.
+//! #     struct Twice(TwiceSettings) in "math";
+//! #     example: "";
+//! #     in INPUT: Linear = Port::any("What is doubled.");
+//! #     out OUTPUT: Linear = Port::like("input", "Twice the input.");
+//! # }
 //! # impl NodeKind for Twice {
-//! #     type Settings = TwiceSettings;
-//! #     const SPEC: NodeSpec = NodeSpec { name: "Twice", group: "math", doc: "Doubles.", source: "",
-//! #         inputs: &[any_input("input", "What is doubled.")],
-//! #         outputs: &[output_like("output", "input", "Twice the input.")], example: "" };
 //! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { Ok(Built::new(Doubler)) }
 //! # }
-//! # const INPUT: Input<Twice, Linear> = Input::named("input");
-//! # const OUTPUT: Output<Twice, Linear> = Output::named("output");
 //! # impl Processor<Twice> for Doubler {
 //! #     fn process(&mut self, _: &Tick, io: &mut Io<'_, Twice>) {
-//! #         let x = io.read(INPUT);
-//! #         io.write(OUTPUT).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
+//! #         let x = io.read(Twice::INPUT);
+//! #         io.write(Twice::OUTPUT).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
 //! #     }
 //! # }
 //! use haptograph_engine::testing::Bench;
@@ -29,7 +29,7 @@
 //!
 //! bench.load(&[&[5.0]], 1);
 //! bench.step();
-//! assert_eq!(bench.output(OUTPUT), [10.0]);
+//! assert_eq!(bench.output(Twice::OUTPUT), [10.0]);
 //! assert_eq!(bench.components("output"), [10.0]);
 //! ```
 

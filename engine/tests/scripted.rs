@@ -10,8 +10,8 @@ use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::host::{HostError, PlayOptions, Player, Scalar};
 use haptograph_engine::node::{
-    Built, Io, NodeEntry, NodeSpec, OfflineOnly, Output, Processor, ScriptBuild, Scripted, ScriptedKind,
-    Tick, output,
+    Built, Io, KindRule, NodeEntry, NodeSpec, OfflineOnly, Output, OutputCount, OutputRole, OutputSpec,
+    Processor, QuantityRule, ScriptBuild, Scripted, ScriptedKind, Tick,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -61,7 +61,14 @@ fn registry() -> Registry {
         doc: "Counts frames.",
         source: "",
         inputs: &[],
-        outputs: Box::leak(Box::new([output("count", Kind::SCALAR, Quantity::NUMBER, "")])),
+        outputs: Box::leak(Box::new([OutputSpec {
+            name: "count",
+            kind: KindRule::Is(Kind::SCALAR),
+            quantity: QuantityRule::Is(Quantity::NUMBER),
+            role: OutputRole::Plain,
+            count: OutputCount::One,
+            doc: "",
+        }])),
         example: "",
     })));
     let mut registry = Registry::new();

@@ -4,28 +4,24 @@ pub mod classical;
 pub mod crossover;
 pub mod section;
 
-use haptograph_engine::frame::{Kind, Linear, Scalar};
+use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Fallback, Input, InputSpec, Io, Latency, LiveId, NodeKind, Optional, Output,
-    Processor, Tick, input, next_change,
+    BuildContext, BuildError, Fallback, Input, Io, Latency, LiveId, NodeKind, Optional, Output, Processor,
+    Tick, next_change,
 };
 use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
-use haptograph_signal::quantity::Quantity;
 
 /// Largest number of frequencies of a design.
 const MOST: usize = 2;
 
-/// A frequency input that falls back to a setting.
-pub(crate) const fn frequency_input(name: &'static str, doc: &'static str) -> InputSpec {
-    input(name, Kind::SCALAR, Quantity::FREQUENCY, doc).optional()
-}
+/// The signal before and behind a filter.
+type Through<K> = (Input<K, Linear>, Output<K, Linear>);
 
 /// A kind of node whose processor is a [`LaneFilter`].
 pub(crate) trait FilterKind: NodeKind {
     /// Its frequencies in the order of the design's; none where the filter is fixed.
     const FREQUENCIES: &[Frequency<Self>] = &[];
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
+    const PORTS: Through<Self>;
 }
 
 /// A cascade of second-order sections on each component of a linear signal.
@@ -40,14 +36,14 @@ pub(crate) struct LaneFilter {
 
 /// A frequency of a tunable filter: a live setting, and the input that replaces it, if there is one.
 #[derive(Debug)]
-pub(crate) struct Frequency<K> {
-    setting: LiveId<K>,
+pub(crate) struct Frequency<K: NodeKind> {
+    setting: LiveId<K::Settings>,
     input: Option<Input<K, Scalar, Optional>>,
 }
 
 impl<K: NodeKind> Frequency<K> {
     /// This live setting.
-    pub const fn of(setting: LiveId<K>) -> Self {
+    pub const fn of(setting: LiveId<K::Settings>) -> Self {
         Self { setting, input: None }
     }
 
@@ -72,7 +68,7 @@ struct Tuning {
 impl LaneFilter {
     /// A filter with fixed frequencies and zero state; its group delay is stated for `passband_hz`.
     pub(crate) fn fixed<K: FilterKind>(filter: &Sections, cx: &BuildContext, passband_hz: f64) -> Self {
-        let width = cx.width(K::INPUT);
+        let width = cx.width(K::PORTS.0);
         let scratch = if width > 1 { cx.max_frames } else { 0 };
         Self {
             lanes: vec![SectionsState::new(filter); width].into(),
@@ -164,15 +160,15 @@ fn within(hz: f64, rate_hz: f64) -> f64 {
 
 impl<K: FilterKind> Processor<K> for LaneFilter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, K>) {
-        let x = io.read(K::INPUT);
+        let x = io.read(K::PORTS.0);
         if !self.tuning.as_ref().is_some_and(|tuning| tuning.follows) {
-            return self.filter(x, io.write(K::OUTPUT));
+            return self.filter(x, io.write(K::PORTS.1));
         }
         let signals = std::array::from_fn(|i| io.read(K::FREQUENCIES.get(i)?.input?));
-        self.follow(signals, x, io.write(K::OUTPUT));
+        self.follow(signals, x, io.write(K::PORTS.1));
     }
 
-    fn set(&mut self, setting: LiveId<K>, value: f64) {
+    fn set(&mut self, setting: LiveId<K::Settings>, value: f64) {
         let Some(tuning) = self.tuning.as_mut().filter(|_| value.is_finite()) else {
             return;
         };

@@ -7,7 +7,7 @@ mod kinds;
 
 pub use card::{Card, CardFormat, CardInput, CardOutput, Request};
 pub use kinds::{
-    SOUNDCARD_SOURCE, Soundcard, SoundcardAccelerometer, SoundcardAccelerometerSettings, SoundcardHaptuator,
+    Soundcard, SoundcardAccelerometer, SoundcardAccelerometerSettings, SoundcardHaptuator,
     SoundcardHaptuatorSettings, SoundcardInput, SoundcardInputSettings, SoundcardSettings, SoundcardSink,
-    SoundcardSinkSettings, SoundcardVoltage, SoundcardVoltageSettings,
+    SoundcardSinkSettings, SoundcardSource, SoundcardVoltage, SoundcardVoltageSettings,
 };

@@ -9,10 +9,7 @@ pub mod steps;
 pub mod wav;
 pub mod waves;
 
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{
-    AfterData, BuildContext, DataEnd, KindRule, OutputCount, OutputRole, OutputSpec, QuantityRule,
-};
+use haptograph_engine::node::{AfterData, BuildContext, DataEnd};
 
 haptograph_engine::choices! {
     /// Output of a source after the end of its file.
@@ -43,18 +40,6 @@ impl AtEnd {
     /// `Loop` where the older setting `repeat` is true.
     fn or_loop(self, repeat: bool) -> Self {
         if repeat { Self::Loop } else { self }
-    }
-}
-
-/// A scalar output of the quantity that the setting `quantity` names.
-const fn made(doc: &'static str) -> OutputSpec {
-    OutputSpec {
-        name: "output",
-        kind: KindRule::Is(Kind::SCALAR),
-        quantity: QuantityRule::Setting("quantity"),
-        role: OutputRole::Plain,
-        count: OutputCount::One,
-        doc,
     }
 }
 

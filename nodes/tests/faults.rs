@@ -2,10 +2,10 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 use haptograph_engine::document::Document;
-use haptograph_engine::frame::{AnyKind, Kind};
+use haptograph_engine::frame::{AnyKind, Scalar, Vector};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Output, Port, Processor, Tick,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{Change, LiveState, Run, live};
@@ -66,23 +66,18 @@ impl<K: EvilKind> Processor<K> for Evil {
 
 /// A kind of node whose processor is an [`Evil`].
 trait EvilKind: NodeKind {
-    const OUTPUT: Output<Self, AnyKind> = Output::named("output");
+    const OUTPUT: Output<Self, AnyKind>;
 }
 
 macro_rules! evil {
-    ($kind:ident, $frame:expr, $quantity:expr) => {
-        struct $kind;
+    ($kind:ident, $frame:ty, $quantity:expr) => {
+        haptograph_engine::node! {
+            /// Everything that a source should not do.
+            struct $kind(NoSettings) in "tests";
+            example: "";
+            out OUTPUT: $frame = Port::of($quantity, "Anything.");
+        }
         impl NodeKind for $kind {
-            type Settings = NoSettings;
-            const SPEC: NodeSpec = NodeSpec {
-                name: stringify!($kind),
-                group: "tests",
-                doc: "Everything that a source should not do.",
-                source: "",
-                inputs: &[],
-                outputs: &[output("output", $frame, $quantity, "Anything.")],
-                example: "",
-            };
             fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
                 Ok(Built::new(Evil {
                     random: Xoshiro256PlusPlus::seed_from_u64(cx.seed),
@@ -92,13 +87,15 @@ macro_rules! evil {
                 }))
             }
         }
-        impl EvilKind for $kind {}
+        impl EvilKind for $kind {
+            const OUTPUT: Output<Self, AnyKind> = Self::OUTPUT.any();
+        }
     };
 }
 
-evil!(EvilCurrent, Kind::SCALAR, Quantity::CURRENT);
-evil!(EvilVoltage, Kind::SCALAR, Quantity::VOLTAGE);
-evil!(EvilForce, Kind::VECTOR, Quantity::FORCE);
+evil!(EvilCurrent, Scalar, Quantity::CURRENT);
+evil!(EvilVoltage, Scalar, Quantity::VOLTAGE);
+evil!(EvilForce, Vector, Quantity::FORCE);
 
 /// What every sink of this test states, in the unit of its drive.
 const PEAK: f64 = 2.0;

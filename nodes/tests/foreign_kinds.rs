@@ -21,8 +21,7 @@ use haptograph_engine::document::Document;
 use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Scalar};
 use haptograph_engine::graph::{CheckOptions, Graph, NodeId, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, FrameWriter, Input, Io, NodeEntry, NodeKind, NodeSpec, Output,
-    Processor, Tick, input, output,
+    BuildContext, BuildError, Built, FrameWriter, Io, NodeEntry, NodeKind, Port, Processor, Tick,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -60,38 +59,24 @@ impl OneKind for Hue {
 /// Nodes that make a frame of three scalars.
 macro_rules! painter {
     ($node:ident, $kind:ty) => {
-        struct $node;
+        haptograph_engine::node! {
+            /// Joins three scalars.
+            struct $node(NoSettings) in "test";
+            example: "";
+            in RED: Scalar = Port::of(Quantity::NUMBER, "First.");
+            in GREEN: Scalar = Port::of(Quantity::NUMBER, "Second.");
+            in BLUE: Scalar = Port::of(Quantity::NUMBER, "Third.");
+            out OUTPUT: $kind = Port::of(Quantity::NUMBER, "All three.");
+        }
         impl NodeKind for $node {
-            type Settings = NoSettings;
-            const SPEC: NodeSpec = NodeSpec {
-                name: stringify!($node),
-                group: "test",
-                doc: "Joins three scalars.",
-                source: "",
-                inputs: &[
-                    input("red", Kind::SCALAR, Quantity::NUMBER, "First."),
-                    input("green", Kind::SCALAR, Quantity::NUMBER, "Second."),
-                    input("blue", Kind::SCALAR, Quantity::NUMBER, "Third."),
-                ],
-                outputs: &[output("output", <$kind>::KIND, Quantity::NUMBER, "All three.")],
-                example: "",
-            };
             fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
                 Ok(Built::new($node))
             }
         }
-        impl Clone for $node {
-            fn clone(&self) -> Self {
-                Self
-            }
-        }
         impl Processor<$node> for $node {
             fn process(&mut self, _: &Tick, io: &mut Io<'_, $node>) {
-                const PARTS: [Input<$node, Scalar>; 3] =
-                    [Input::named("red"), Input::named("green"), Input::named("blue")];
-                const JOINED: Output<$node, $kind> = Output::named("output");
-                let parts = PARTS.map(|part| io.read(part));
-                for (n, frame) in io.write(JOINED).iter_mut().enumerate() {
+                let parts = [$node::RED, $node::GREEN, $node::BLUE].map(|part| io.read(part));
+                for (n, frame) in io.write($node::OUTPUT).iter_mut().enumerate() {
                     *frame = parts.map(|part| part[n]);
                 }
             }

@@ -13,7 +13,7 @@ use haptograph_engine::node::LiveId;
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{Change, ControlError, Run, Session};
 use haptograph_engine::settings::MAX_LIVE_ITEMS;
-use haptograph_nodes::filters::classical::BandPass;
+use haptograph_nodes::filters::classical::BandPassSettings;
 use realtime::allocations;
 use std::path::Path;
 use std::sync::Arc;
@@ -318,7 +318,7 @@ fn playing_allocates_nothing() {
     let set = session.settings().find(|live| live.name() == "out.gain");
     assert_eq!(set.map(|live| live.value), Some(0.5));
     // A setting of another kind, at a place where the sink has none.
-    let foreign = LiveId::<BandPass>::named("high_hz").into();
+    let foreign = LiveId::<BandPassSettings>::named("high_hz").into();
     let unknown = session.set(gain.node, foreign, 0.5);
     assert_eq!(unknown, Err(ControlError::NotLive));
 }

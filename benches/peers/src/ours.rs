@@ -2,11 +2,9 @@
 
 use crate::work::{Contestant, Operation, RATE_HZ, SAMPLES, Source, Work, noise};
 use haptograph_engine::document::{Builder, Document, Part};
-use haptograph_engine::frame::{Kind, Scalar};
+use haptograph_engine::frame::Scalar;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
-};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::Run;
@@ -90,28 +88,19 @@ impl Contestant for Ours {
     }
 }
 
-/// A source that plays the input over and over; its cost is counted as ours.
-struct Play;
+haptograph_engine::node! {
+    /// Plays the input of the bench.
+    struct Play(NoSettings) in "bench";
+    example: r#""input": Play(clock: "audio")"#;
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "The input.");
+}
 
 impl NodeKind for Play {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Play",
-        group: "bench",
-        doc: "Plays the input of the bench.",
-        source: "",
-        inputs: &[],
-        outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The input.")],
-        example: r#""input": Play(clock: "audio")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let samples = noise(SAMPLES).into_iter().map(f64::from).collect();
         Ok(Built::new(Player { samples, at: 0 }))
     }
 }
-
-const OUTPUT: Output<Play, Scalar> = Output::named("output");
 
 #[derive(Clone)]
 struct Player {
@@ -121,7 +110,7 @@ struct Player {
 
 impl Processor<Play> for Player {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, Play>) {
-        copy(&self.samples[self.at..self.at + tick.frames], io.write(OUTPUT));
+        copy(&self.samples[self.at..self.at + tick.frames], io.write(Play::OUTPUT));
         self.at = (self.at + tick.frames) % SAMPLES;
     }
 }

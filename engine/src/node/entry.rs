@@ -1,11 +1,11 @@
 //! Registered node kinds, their types erased.
 
 use super::{
-    ActuatorKind, AnyProcessor, BuildContext, BuildError, FileContext, FileKind, FileSink, Limit, NodeKind,
-    NodeSpec, ScriptedKind,
+    ActuatorKind, AnyProcessor, BuildContext, BuildError, Declared, FileContext, FileKind, FileSink, Limit,
+    NodeKind, NodeSpec, ScriptedKind,
 };
 use crate::scripted;
-use crate::settings::{Fields, Reading, SettingId, SettingRole, SettingSpec, Settings, has_limit};
+use crate::settings::{Fields, Flag, Reading, SettingId, SettingRole, SettingSpec, Settings, count};
 
 /// A registered node kind, its types erased.
 #[derive(Clone, Copy)]
@@ -98,7 +98,7 @@ impl NodeEntry {
     pub fn actuator<K: ActuatorKind>() -> Self {
         const {
             assert!(
-                has_limit(K::Settings::FIELDS),
+                count(K::Settings::FIELDS, Flag::limit) > 0,
                 "an actuator sink has a setting that is marked `[limit]`"
             );
         }
@@ -128,22 +128,12 @@ impl NodeEntry {
         }
     }
 
-    /// Makes the entry of a source that reads a device.
-    pub const fn source(spec: &'static NodeSpec) -> Self {
+    /// Erases the types of a source that reads a device.
+    pub fn source<K: Declared>() -> Self {
         Self {
-            spec: without_family(spec),
-            settings: Vec::new,
-            build: Build::Source(|_, _| true),
-            members: None,
-        }
-    }
-
-    /// Makes the entry of a source that reads a device and has settings, such as the quantity it reads.
-    pub fn source_with<S: Settings>(spec: &'static NodeSpec) -> Self {
-        Self {
-            spec: without_family(spec),
-            settings: S::specs,
-            build: Build::Source(|fields, reading| S::take_from(fields, reading).is_some()),
+            spec: const { without_family(&K::SPEC) },
+            settings: K::Settings::specs,
+            build: Build::Source(|fields, reading| K::Settings::take_from(fields, reading).is_some()),
             members: None,
         }
     }

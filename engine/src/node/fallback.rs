@@ -1,6 +1,6 @@
 //! Inputs that fall back to a setting while they are not connected.
 
-use super::{BuildContext, BuildError, Input, LiveId, NodeKind, Optional};
+use super::{BuildContext, BuildError, Declared, Input, LiveId, Optional};
 use crate::frame::Scalar;
 
 /// An input, and the setting that replaces it while it is not connected: the frequency of an oscillator, the cut-off of a
@@ -12,8 +12,7 @@ use crate::frame::Scalar;
 /// ```
 /// use haptograph_engine::frame::{Kind, Scalar};
 /// use haptograph_engine::node::{
-///     BuildContext, BuildError, Built, Fallback, Io, NodeKind, NodeSpec, LiveId, Output, Processor, Tick,
-///     input, output,
+///     BuildContext, BuildError, Built, Fallback, Io, LiveId, NodeKind, Optional, Port, Processor, Tick,
 /// };
 /// use haptograph_engine::testing::Bench;
 /// use haptograph_signal::quantity::Quantity;
@@ -26,23 +25,16 @@ use crate::frame::Scalar;
 ///     }
 /// }
 ///
-/// struct Sawtooth;
-/// const FREQUENCY: Fallback<Sawtooth> = Fallback::named("frequency", "frequency_hz");
-/// const FREQUENCY_HZ: LiveId<Sawtooth> = FREQUENCY.setting;
-/// const OUTPUT: Output<Sawtooth, Scalar> = Output::named("output");
+/// haptograph_engine::node! {
+///     /// Rises from 0 to 1, over and over.
+///     pub struct Sawtooth(SawtoothSettings) in "mine";
+///     example: r#""saw": Sawtooth(clock: "servo", frequency_hz: 2)"#;
+///     in FREQUENCY: Scalar, Optional = Port::of(Quantity::FREQUENCY, "Replaces `frequency_hz`.");
+///     out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "The sawtooth.");
+/// }
+/// const FREQUENCY: Fallback<Sawtooth> = Fallback::new(Sawtooth::FREQUENCY, SawtoothSettings::frequency_hz);
 ///
 /// impl NodeKind for Sawtooth {
-///     type Settings = SawtoothSettings;
-///     const SPEC: NodeSpec = NodeSpec {
-///         name: "Sawtooth",
-///         group: "mine",
-///         doc: "Rises from 0 to 1, over and over.",
-///         source: "",
-///         inputs: &[input("frequency", Kind::SCALAR, Quantity::FREQUENCY, "Replaces `frequency_hz`.").optional()],
-///         outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "The sawtooth.")],
-///         example: r#""saw": Sawtooth(clock: "servo", frequency_hz: 2)"#,
-///     };
-///
 ///     fn build(settings: SawtoothSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
 ///         let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?.unwrap_or(0.0);
 ///         Ok(Built::new(Rising { frequency_hz, turns: 0.0 }))
@@ -62,7 +54,7 @@ use crate::frame::Scalar;
 /// impl Processor<Sawtooth> for Rising {
 ///     fn process(&mut self, tick: &Tick, io: &mut Io<'_, Sawtooth>) {
 ///         let signal = io.read(FREQUENCY.input);
-///         for (frame, y) in io.write(OUTPUT).iter_mut().enumerate() {
+///         for (frame, y) in io.write(Sawtooth::OUTPUT).iter_mut().enumerate() {
 ///             // At its own tick and at no other, or the samples would depend on the blocks.
 ///             if let Some(hz) = signal.and_then(|signal| signal.get(frame)).filter(|hz| hz.is_finite()) {
 ///                 self.frequency_hz = hz.clamp(0.0, 1e4);
@@ -72,8 +64,8 @@ use crate::frame::Scalar;
 ///         }
 ///     }
 ///
-///     fn set(&mut self, setting: LiveId<Sawtooth>, value: f64) {
-///         if setting == FREQUENCY_HZ {
+///     fn set(&mut self, setting: LiveId<SawtoothSettings>, value: f64) {
+///         if setting == FREQUENCY.setting {
 ///             self.frequency_hz = value;
 ///         }
 ///     }
@@ -88,19 +80,17 @@ use crate::frame::Scalar;
 /// # Ok::<(), BuildError>(())
 /// ```
 #[derive(Debug)]
-pub struct Fallback<K> {
+pub struct Fallback<K: Declared> {
     /// The input.
     pub input: Input<K, Scalar, Optional>,
     /// The setting.
-    pub setting: LiveId<K>,
-    port: &'static str,
-    field: &'static str,
+    pub setting: LiveId<K::Settings>,
 }
 
-impl<K: NodeKind> Fallback<K> {
-    /// The input `port` of the kind, and its setting `field`, which is an `Option`.
-    pub const fn named(port: &'static str, field: &'static str) -> Self {
-        Self { input: Input::named(port), setting: LiveId::named(field), port, field }
+impl<K: Declared> Fallback<K> {
+    /// An input of the kind, and its setting, which is an `Option`.
+    pub const fn new(input: Input<K, Scalar, Optional>, setting: LiveId<K::Settings>) -> Self {
+        Self { input, setting }
     }
 
     /// True if the input is connected.
@@ -116,14 +106,14 @@ impl<K: NodeKind> Fallback<K> {
         if setting.is_some() || self.is_connected(cx) {
             return Ok(setting);
         }
-        let Self { port, field, .. } = self;
+        let (port, field) = (self.input.name(), self.setting.name());
         let message = format!("`{field}` is missing, and `{port}` is not connected");
         Err(BuildError::of_node(message).help(format!("add `{field}: ...`, or connect `{port}`")))
     }
 
     /// A warning if the setting has no effect.
     pub fn advice(&self, setting: Option<f64>, cx: &BuildContext) -> Option<BuildError> {
-        let Self { port, field, .. } = self;
+        let (port, field) = (self.input.name(), self.setting.name());
         (setting.is_some() && self.is_connected(cx)).then(|| {
             let message = format!("`{field}` has no effect: `{port}` is connected");
             BuildError::at(field, message).help(format!("remove `{field}`, or disconnect `{port}`"))

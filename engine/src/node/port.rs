@@ -1,7 +1,7 @@
-//! Handles of ports. They are looked up by name where the program is compiled, and carry the kind of their node, so that a
-//! processor cannot read or write a port that its kind does not declare.
+//! Handles of ports, which [`node!`](crate::node!) declares. They carry the kind of their node, so that a processor cannot read or
+//! write a port that its kind does not declare.
 
-use super::NodeKind;
+use super::Declared;
 use super::spec::{Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputSpec, Presence};
 use crate::frame::{AnyKind, FrameKind, Kinds};
 use crate::io::{Connections, Ports, Runs};
@@ -13,128 +13,108 @@ use std::marker::PhantomData;
 /// Handle of an input of the node kind `K` whose frames are of the kind `F`, read as `M` says: a frame a tick
 /// ([`Sampled`], the default), [`Held`], [`Optional`], [`Many`] or [`Named`]. [`Io::read`](crate::node::Io::read) takes it.
 ///
-/// [`named`](Self::named) looks it up. In a constant everything that does not fit the declaration is a compile error:
+/// [`node!`](crate::node!) declares it. What does not fit the declaration does not compile:
 ///
 /// ```
-/// use haptograph_engine::frame::{Kind, Scalar, Vector};
-/// use haptograph_engine::node::{
-///     BuildContext, BuildError, Built, Input, NodeKind, NodeSpec, Optional, Output, input, output,
-/// };
+/// use haptograph_engine::frame::{Scalar, Vector};
+/// use haptograph_engine::node::{Io, Optional, Port};
 /// use haptograph_engine::settings::NoSettings;
 /// use haptograph_signal::quantity::Quantity;
 ///
-/// struct Viscous;
-/// impl NodeKind for Viscous {
-///     type Settings = NoSettings;
-///     const SPEC: NodeSpec = NodeSpec {
-///         name: "Viscous",
-///         group: "mine",
-///         doc: "A force against a velocity.",
-///         source: "",
-///         inputs: &[
-///             input("velocity", Kind::VECTOR, Quantity::SPEED, "Of the tool, m/s."),
-///             input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.").optional(),
-///         ],
-///         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "On the tool, N.")],
-///         example: "",
-///     };
-///     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-///         todo!()
-///     }
+/// haptograph_engine::node! {
+///     /// A force against a velocity.
+///     pub struct Viscous(NoSettings) in "mine";
+///     example: r#""drag": Viscous(velocity: "hand.velocity")"#;
+///     in VELOCITY: Vector = Port::of(Quantity::SPEED, "Of the tool, m/s.");
+///     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "Normal force, N.");
+///     out FORCE: Vector = Port::of(Quantity::FORCE, "On the tool, N.");
 /// }
 ///
-/// const VELOCITY: Input<Viscous, Vector> = Input::named("velocity");
-/// const LOAD: Input<Viscous, Scalar, Optional> = Input::named("load");
-/// const FORCE: Output<Viscous, Vector> = Output::named("force");
+/// fn loads<'a>(io: &Io<'a, Viscous>) -> Option<&'a [f64]> {
+///     io.read(Viscous::LOAD)
+/// }
 /// ```
 ///
 /// A name that no input has:
-/// ```compile_fail,E0080
+/// ```compile_fail,E0599
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// A force against a velocity.
+/// #     pub struct Viscous(NoSettings) in "mine";
+/// #     example: "";
+/// #     in VELOCITY: Vector = Port::of(Quantity::SPEED, "");
+/// #     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "");
+/// #     out FORCE: Vector = Port::of(Quantity::FORCE, "");
 /// # }
-/// const VELOCITY: Input<Viscous, Vector> = Input::named("speed");
+/// fn speeds<'a>(io: &Io<'a, Viscous>) -> &'a [[f64; 3]] {
+///     io.read(Viscous::SPEED)
+/// }
 /// ```
 ///
 /// Frames of another width:
-/// ```compile_fail,E0080
+/// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// A force against a velocity.
+/// #     pub struct Viscous(NoSettings) in "mine";
+/// #     example: "";
+/// #     in VELOCITY: Vector = Port::of(Quantity::SPEED, "");
+/// #     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "");
+/// #     out FORCE: Vector = Port::of(Quantity::FORCE, "");
 /// # }
-/// const VELOCITY: Input<Viscous, Scalar> = Input::named("velocity");
+/// fn velocities<'a>(io: &Io<'a, Viscous>) -> &'a [f64] {
+///     io.read(Viscous::VELOCITY)
+/// }
 /// ```
 ///
 /// An input that need not be connected, read as if it were:
-/// ```compile_fail,E0080
+/// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// A force against a velocity.
+/// #     pub struct Viscous(NoSettings) in "mine";
+/// #     example: "";
+/// #     in VELOCITY: Vector = Port::of(Quantity::SPEED, "");
+/// #     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "");
+/// #     out FORCE: Vector = Port::of(Quantity::FORCE, "");
 /// # }
-/// const LOAD: Input<Viscous, Scalar> = Input::named("load");
+/// fn loads<'a>(io: &Io<'a, Viscous>) -> &'a [f64] {
+///     io.read(Viscous::LOAD)
+/// }
 /// ```
 ///
 /// A sampled input, read as runs:
-/// ```compile_fail,E0080
+/// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// A force against a velocity.
+/// #     pub struct Viscous(NoSettings) in "mine";
+/// #     example: "";
+/// #     in VELOCITY: Vector = Port::of(Quantity::SPEED, "");
+/// #     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "");
+/// #     out FORCE: Vector = Port::of(Quantity::FORCE, "");
 /// # }
-/// const VELOCITY: Input<Viscous, Vector, Held> = Input::named("velocity");
-/// ```
-///
-/// An input whose connections have names, read as one whose connections have none:
-/// ```compile_fail,E0080
-/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
-/// # struct Mix;
-/// # impl NodeKind for Mix {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Mix", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[any_input("terms", "").named()], outputs: &[output_like("sum", "terms", "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const TERMS: Input<Mix, Linear, Many> = Input::named("terms");
+/// fn velocities<'a>(io: &Io<'a, Viscous>) -> Runs<'a, Vector> {
+///     io.read(Viscous::VELOCITY)
+/// }
 /// ```
 ///
 /// Names of connections that have none:
 /// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
-/// # struct Mix;
-/// # impl NodeKind for Mix {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Mix", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[InputSpec { presence: Presence::Many, ..any_input("terms", "") }], outputs: &[output_like("sum", "terms", "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// Adds.
+/// #     pub struct Mix(NoSettings) in "mine";
+/// #     example: "";
+/// #     in TERMS: Linear, Many = Port::any("");
+/// #     out SUM: Linear = Port::like("terms", "");
 /// # }
-/// const TERMS: Input<Mix, Linear, Many> = Input::named("terms");
-///
 /// fn names(cx: &BuildContext) -> &[String] {
-///     cx.names(TERMS)
+///     cx.names(Mix::TERMS)
 /// }
 /// ```
 ///
@@ -142,122 +122,127 @@ use std::marker::PhantomData;
 /// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// A force against a velocity.
+/// #     pub struct Viscous(NoSettings) in "mine";
+/// #     example: "";
+/// #     in VELOCITY: Vector = Port::of(Quantity::SPEED, "");
+/// #     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "");
+/// #     out FORCE: Vector = Port::of(Quantity::FORCE, "");
 /// # }
 /// # enum Other {}
-/// const VELOCITY: Input<Viscous, Vector> = Input::named("velocity");
-///
 /// fn velocities<'a>(io: &Io<'a, Other>) -> &'a [[f64; 3]] {
-///     io.read(VELOCITY)
+///     io.read(Viscous::VELOCITY)
+/// }
+/// ```
+///
+/// An input of any number of connections before another one:
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// haptograph_engine::node! {
+///     /// Adds.
+///     pub struct Mix(NoSettings) in "mine";
+///     example: "";
+///     in TERMS: Linear, Many = Port::any("");
+///     in OFFSET: Linear = Port::like("terms", "");
 /// }
 /// ```
 pub struct Input<K, F, M = Sampled> {
     index: usize,
+    name: &'static str,
     types: Types<(K, F, M)>,
 }
 
-/// Handle of an output of the node kind `K` whose frames are of the kind `F`. [`Io::write`](crate::node::Io::write) and
-/// [`Io::write_all`](crate::node::Io::write_all) take it.
+/// Handle of an output of the node kind `K` whose frames are of the kind `F`: one output, which
+/// [`Io::write`](crate::node::Io::write) and [`Io::write_all`](crate::node::Io::write_all) take, or a [`Family`] of them, which
+/// [`Io::write_member`](crate::node::Io::write_member) takes.
 ///
-/// [`named`](Self::named) looks it up as [`Input::named`] does an input. Frames of another width:
+/// [`node!`](crate::node!) declares it. Frames of another kind than the input that it is like:
 ///
 /// ```compile_fail,E0080
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const FORCE: Output<Viscous, Scalar> = Output::named("force");
+/// haptograph_engine::node! {
+///     /// A copy.
+///     pub struct Copier(NoSettings) in "mine";
+///     example: "";
+///     in INPUT: Scalar = Port::of(Quantity::FORCE, "");
+///     out COPY: Vector = Port::like("input", "");
+/// }
 /// ```
 ///
 /// A port of another node:
+///
 /// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
 /// # use haptograph_signal::quantity::Quantity;
-/// # struct Viscous;
-/// # impl NodeKind for Viscous {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Viscous", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[input("velocity", Kind::VECTOR, Quantity::SPEED, ""), input("load", Kind::SCALAR, Quantity::FORCE, "").optional()],
-/// #         outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// A force against a velocity.
+/// #     pub struct Viscous(NoSettings) in "mine";
+/// #     example: "";
+/// #     in VELOCITY: Vector = Port::of(Quantity::SPEED, "");
+/// #     in LOAD: Scalar, Optional = Port::of(Quantity::FORCE, "");
+/// #     out FORCE: Vector = Port::of(Quantity::FORCE, "");
 /// # }
 /// # enum Other {}
-/// const FORCE: Output<Viscous, Vector> = Output::named("force");
-///
 /// fn push(io: &mut Io<'_, Other>) {
-///     io.write(FORCE).fill([0.0; 3]);
+///     io.write(Viscous::FORCE).fill([0.0; 3]);
 /// }
 /// ```
-pub struct Output<K, F> {
-    index: usize,
-    types: Types<(K, F)>,
-}
-
-/// Handle of the family of outputs of the node kind `K`, whose members' frames are of the kind `F`.
-/// [`Io::write_member`](crate::node::Io::write_member) takes it.
 ///
-/// [`named`](Self::named) looks the family up by its name in the declaration. As a single output:
+/// A family, written as one output:
 ///
-/// ```compile_fail,E0080
+/// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
-/// # struct Fan;
-/// # impl NodeKind for Fan {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// Copies.
+/// #     pub struct Fan(NoSettings) in "mine";
+/// #     example: "";
+/// #     in INPUT: Linear = Port::any("");
+/// #     out COPIES: Linear, Family = Port::like("input", "").named_by("names");
 /// # }
-/// const COPIES: Output<Fan, Linear> = Output::named("copies");
+/// fn clear(io: &mut Io<'_, Fan>) {
+///     io.write(Fan::COPIES).fill(0.0);
+/// }
 /// ```
 ///
-/// Frames of another width:
+/// A family whose members no setting names:
 ///
 /// ```compile_fail,E0080
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
-/// # struct Fan;
-/// # impl NodeKind for Fan {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const COPIES: OutputFamily<Fan, Scalar> = OutputFamily::named("copies");
+/// haptograph_engine::node! {
+///     /// Copies.
+///     pub struct Fan(NoSettings) in "mine";
+///     example: "";
+///     in INPUT: Linear = Port::any("");
+///     out COPIES: Linear, Family = Port::like("input", "");
+/// }
 /// ```
 ///
 /// A family of another node:
 ///
 /// ```compile_fail,E0308
 /// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
-/// # struct Fan;
-/// # impl NodeKind for Fan {
-/// #     type Settings = NoSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "Fan", group: "", doc: "", source: "", example: "",
-/// #         inputs: &[any_input("input", "")], outputs: &[output_like("copies", "input", "").named_by("names")] };
-/// #     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
+/// # haptograph_engine::node! {
+/// #     /// Copies.
+/// #     pub struct Fan(NoSettings) in "mine";
+/// #     example: "";
+/// #     in INPUT: Linear = Port::any("");
+/// #     out COPIES: Linear, Family = Port::like("input", "").named_by("names");
 /// # }
 /// # enum Other {}
-/// const COPIES: OutputFamily<Fan, Linear> = OutputFamily::named("copies");
-///
 /// fn clear(io: &mut Io<'_, Other>) {
-///     io.write_member(COPIES, 0).fill(0.0);
+///     io.write_member(Fan::COPIES, 0).fill(0.0);
 /// }
 /// ```
-pub struct OutputFamily<K, F> {
-    first: usize,
-    types: Types<(K, F)>,
+pub struct Output<K, F, C = One> {
+    index: usize,
+    name: &'static str,
+    types: Types<(K, F, C)>,
 }
+
+/// Handle of the family of outputs of a node kind: see [`Output`].
+pub type OutputFamily<K, F> = Output<K, F, Family>;
 
 /// Types that a handle carries.
 type Types<T> = PhantomData<fn() -> T>;
@@ -308,6 +293,8 @@ mod sealed {
     impl<M: super::OneSignal> Sealed for super::Optional<M> {}
     impl Sealed for super::Many {}
     impl Sealed for super::Named {}
+    impl Sealed for super::One {}
+    impl Sealed for super::Family {}
 }
 
 impl OneSignal for Sampled {}
@@ -370,9 +357,38 @@ impl Mode for Named {
     }
 }
 
+/// One output.
+#[derive(Debug, Clone, Copy)]
+pub enum One {}
+
+/// Any number of outputs, whose names a setting gives ([`Port::named_by`](super::Port::named_by)).
+#[derive(Debug, Clone, Copy)]
+pub enum Family {}
+
+/// How many outputs a handle stands for: [`One`] or [`Family`].
+pub trait Count: sealed::Sealed + 'static {
+    #[doc(hidden)]
+    const IS_FAMILY: bool;
+}
+
+impl Count for One {
+    const IS_FAMILY: bool = false;
+}
+
+impl Count for Family {
+    const IS_FAMILY: bool = true;
+}
+
 impl<K, F, M> Input<K, F, M> {
-    const fn at(index: usize) -> Self {
-        Self { index, types: PhantomData }
+    /// The input at this place of the spec. For [`node!`](crate::node!).
+    #[doc(hidden)]
+    pub const fn declared(index: usize, name: &'static str) -> Self {
+        Self { index, name, types: PhantomData }
+    }
+
+    /// Name in graph files.
+    pub const fn name(self) -> &'static str {
+        self.name
     }
 
     pub(crate) const fn index(self) -> usize {
@@ -380,59 +396,33 @@ impl<K, F, M> Input<K, F, M> {
     }
 }
 
-impl<K: NodeKind, F: FrameKind, M: Mode> Input<K, F, M> {
-    /// The handle of the input `name` of `K`. In a constant everything that does not fit its declaration is a compile
-    /// error.
-    ///
-    /// # Panics
-    /// If no input has this name, or its frames, its presence or its flow are not those of the handle.
-    pub const fn named(name: &str) -> Self {
+impl<K: Declared, F: FrameKind, M: Mode> Input<K, F, M> {
+    /// Checks the declaration. For [`node!`](crate::node!).
+    #[doc(hidden)]
+    pub const fn check(self) {
         let spec = const { &K::SPEC };
-        let Some(index) = spec.input_index(name) else { panic!("no input has this name") };
-        let port = &spec.inputs[index];
-        assert!(F::KINDS.include(spec.resolved(port.kind)), "the frames of this input are of another kind");
-        match port.presence {
-            Presence::Required => assert!(
-                matches!(M::PRESENCE, Presence::Required),
-                "this input is always connected, once: its handle is an `Input<_, _>` or an `Input<_, _, Held>`"
-            ),
-            Presence::Optional => assert!(
-                matches!(M::PRESENCE, Presence::Optional),
-                "this input may be left out: its handle is an `Input<_, _, Optional>`"
-            ),
-            Presence::Many => assert!(
-                matches!(M::PRESENCE, Presence::Many),
-                "this input has any number of connections: its handle is an `Input<_, _, Many>`"
-            ),
-            Presence::Named => assert!(
-                matches!(M::PRESENCE, Presence::Named),
-                "the connections of this input may have names: its handle is an `Input<_, _, Named>`"
-            ),
-        }
-        match port.flow {
-            Flow::Sampled => assert!(
-                matches!(M::FLOW, Flow::Sampled),
-                "this input has a frame per tick: its handle is not `Held`"
-            ),
-            Flow::Held => {
-                assert!(matches!(M::FLOW, Flow::Held), "this input is read as runs: its handle is `Held`")
-            }
-        }
-        let mut before = 0;
-        while before < index {
-            assert!(
-                !spec.inputs[before].presence.is_several(),
-                "an input of any number of connections comes last"
-            );
-            before += 1;
-        }
-        Self::at(index)
+        let kind = spec.resolved(spec.inputs[self.index].kind);
+        assert!(F::KINDS.include(kind), "the frames of this input are of another kind");
+        let is_last = self.index + 1 == spec.inputs.len();
+        assert!(is_last || !M::PRESENCE.is_several(), "an input of any number of connections comes last");
     }
 }
 
-impl<K, F> Output<K, F> {
-    const fn at(index: usize) -> Self {
-        Self { index, types: PhantomData }
+impl<K, F, C> Output<K, F, C> {
+    /// The output at this place of the spec. For [`node!`](crate::node!).
+    #[doc(hidden)]
+    pub const fn declared(index: usize, name: &'static str) -> Self {
+        Self { index, name, types: PhantomData }
+    }
+
+    /// Name in graph files.
+    pub const fn name(self) -> &'static str {
+        self.name
+    }
+
+    /// The same output, written as components, whatever its kind.
+    pub const fn any(self) -> Output<K, AnyKind, C> {
+        Output { index: self.index, name: self.name, types: PhantomData }
     }
 
     pub(crate) const fn index(self) -> usize {
@@ -440,44 +430,18 @@ impl<K, F> Output<K, F> {
     }
 }
 
-impl<K: NodeKind, F: FrameKind> Output<K, F> {
-    /// The handle of the output `name` of `K`. In a constant everything that does not fit its declaration is a compile
-    /// error.
-    ///
-    /// # Panics
-    /// If no output has this name, or its frames are not those of the handle.
-    pub const fn named(name: &str) -> Self {
+impl<K: Declared, F: FrameKind, C: Count> Output<K, F, C> {
+    /// Checks the declaration. For [`node!`](crate::node!).
+    #[doc(hidden)]
+    pub const fn check(self) {
         let spec = const { &K::SPEC };
-        let index = spec.output_index(name, F::KINDS);
+        let port = &spec.outputs[self.index];
+        assert!(F::KINDS.include(spec.resolved(port.kind)), "the frames of this output are of another kind");
         assert!(
-            matches!(spec.outputs[index].count, OutputCount::One),
-            "this output is a family: its handle is an `OutputFamily`"
+            C::IS_FAMILY == matches!(port.count, OutputCount::NamedBy(_)),
+            "a `Family`, and nothing else, has members that a setting names: `.named_by(\"setting\")`"
         );
-        Self::at(index)
-    }
-}
-
-impl<K, F> OutputFamily<K, F> {
-    pub(crate) const fn first(self) -> usize {
-        self.first
-    }
-}
-
-impl<K: NodeKind, F: FrameKind> OutputFamily<K, F> {
-    /// The handle of the family of outputs that `K` declares under this name. In a constant everything that does not fit
-    /// its declaration is a compile error.
-    ///
-    /// # Panics
-    /// If no family has this name, or its frames are not those of the handle.
-    pub const fn named(name: &str) -> Self {
-        let spec = const { &K::SPEC };
-        let first = spec.output_index(name, F::KINDS);
-        assert!(
-            matches!(spec.outputs[first].count, OutputCount::NamedBy(_)),
-            "this is one output: its handle is an `Output`"
-        );
-        assert!(first + 1 == spec.outputs.len(), "a family of outputs comes last");
-        Self { first, types: PhantomData }
+        assert!(!C::IS_FAMILY || self.index + 1 == spec.outputs.len(), "a family of outputs comes last");
     }
 }
 
@@ -487,29 +451,15 @@ impl NodeSpec {
     pub fn any_inputs(&self) -> impl Iterator<Item = (&InputSpec, Input<Scripted, AnyKind, Optional>)> {
         let one = |port: &InputSpec| !port.presence.is_several() && port.flow == Flow::Sampled;
         let inputs = self.inputs.iter().enumerate();
-        inputs.filter(move |(_, port)| one(port)).map(|(index, port)| (port, Input::at(index)))
+        inputs
+            .filter(move |(_, port)| one(port))
+            .map(|(index, port)| (port, Input::declared(index, port.name)))
     }
 
     /// The outputs with their handles, as [`any_inputs`](Self::any_inputs).
     pub fn any_outputs(&self) -> impl Iterator<Item = (&OutputSpec, Output<Scripted, AnyKind>)> {
         let outputs = self.outputs.iter().enumerate();
-        outputs.map(|(index, port)| (port, Output::at(index)))
-    }
-
-    /// The place of the output of this name, whose frames have to be of these kinds.
-    const fn output_index(&self, name: &str, kinds: Kinds) -> usize {
-        let mut index = 0;
-        while index < self.outputs.len() {
-            if same(self.outputs[index].name, name) {
-                assert!(
-                    kinds.include(self.resolved(self.outputs[index].kind)),
-                    "the frames of this output are of another kind"
-                );
-                return index;
-            }
-            index += 1;
-        }
-        panic!("no output has this name")
+        outputs.map(|(index, port)| (port, Output::declared(index, port.name)))
     }
 
     const fn input_index(&self, name: &str) -> Option<usize> {
@@ -547,6 +497,15 @@ impl Kinds {
             (Self::Linear, KindRule::Is(kind)) => kind.is_linear(),
             (Self::One(wanted), KindRule::Is(kind)) => wanted.is(kind),
             _ => false,
+        }
+    }
+
+    /// The rule of a port whose handle stands for these kinds.
+    pub(crate) const fn rule(self) -> KindRule {
+        match self {
+            Self::One(kind) => KindRule::Is(kind),
+            Self::Linear => KindRule::Linear,
+            Self::Any => KindRule::Any,
         }
     }
 }
@@ -599,35 +558,21 @@ impl<K, F, M> Copy for Input<K, F, M> {}
 
 impl<K, F, M> fmt::Debug for Input<K, F, M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Input({})", self.index)
+        write!(f, "Input({})", self.name)
     }
 }
 
-impl<K, F> Clone for OutputFamily<K, F> {
+impl<K, F, C> Clone for Output<K, F, C> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<K, F> Copy for OutputFamily<K, F> {}
+impl<K, F, C> Copy for Output<K, F, C> {}
 
-impl<K, F> fmt::Debug for OutputFamily<K, F> {
+impl<K, F, C> fmt::Debug for Output<K, F, C> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "OutputFamily({}..)", self.first)
-    }
-}
-
-impl<K, F> Clone for Output<K, F> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<K, F> Copy for Output<K, F> {}
-
-impl<K, F> fmt::Debug for Output<K, F> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Output({})", self.index)
+        write!(f, "Output({})", self.name)
     }
 }
 

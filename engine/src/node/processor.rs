@@ -1,9 +1,9 @@
 //! Processors: what an author writes, and how the engine runs it.
 
-use super::{Input, NodeKind, Output};
+use super::{Declared, Input, NodeKind, Output};
 use crate::frame::FrameKind;
 use crate::io::{Io, Ports, Wires};
-use crate::settings::{LiveId, SettingId, Settings, count_live};
+use crate::settings::{Flag, LiveId, SettingId, Settings, count};
 use haptograph_signal::elementwise;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -27,16 +27,13 @@ use std::marker::PhantomData;
 /// frame of a scalar from one of a scalar without ports, for loops through a body and blocks of one frame.
 ///
 /// # Ports and settings
-/// A processor reads and writes its ports, and tells its settings apart, by handles that are looked up by name where the
-/// program is compiled ([`Input`], [`Output`], [`LiveId`]). A handle carries the kind `K` of the node, so that one of another node does
-/// not compile:
+/// A processor reads and writes its ports by the handles that [`node!`](crate::node!) declares ([`Input`], [`Output`]), and tells
+/// its settings apart by those that [`settings!`](crate::settings!) declares ([`LiveId`]). A handle carries the kind of the node, or
+/// the type of the settings, so that one of another node does not compile:
 ///
 /// ```
-/// use haptograph_engine::frame::{Kind, Scalar};
-/// use haptograph_engine::node::{
-///     BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor,
-///     Tick, input, output,
-/// };
+/// use haptograph_engine::frame::Scalar;
+/// use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 /// use haptograph_signal::quantity::Quantity;
 ///
 /// haptograph_engine::settings! {
@@ -47,29 +44,19 @@ use std::marker::PhantomData;
 ///     }
 /// }
 ///
-/// /// Pulls back to the origin.
-/// pub struct Spring;
+/// haptograph_engine::node! {
+///     /// Pulls the tool back to the origin.
+///     pub struct Spring(SpringSettings) in "mine";
+///     example: r#""spring": Spring(position: "hand")"#;
+///     in POSITION: Scalar = Port::of(Quantity::LENGTH, "Where the tool is, m.");
+///     out FORCE: Scalar = Port::of(Quantity::FORCE, "On the tool, N.");
+/// }
 ///
 /// impl NodeKind for Spring {
-///     type Settings = SpringSettings;
-///     const SPEC: NodeSpec = NodeSpec {
-///         name: "Spring",
-///         group: "mine",
-///         doc: "Pulls the tool back to the origin.",
-///         source: "",
-///         inputs: &[input("position", Kind::SCALAR, Quantity::LENGTH, "Where the tool is, m.")],
-///         outputs: &[output("force", Kind::SCALAR, Quantity::FORCE, "On the tool, N.")],
-///         example: r#""spring": Spring(position: "hand")"#,
-///     };
-///
 ///     fn build(settings: SpringSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
 ///         Ok(Built::new(Pull { stiffness_n_per_m: settings.stiffness_n_per_m }))
 ///     }
 /// }
-///
-/// const POSITION: Input<Spring, Scalar> = Input::named("position");
-/// const FORCE: Output<Spring, Scalar> = Output::named("force");
-/// const STIFFNESS_N_PER_M: LiveId<Spring> = LiveId::named("stiffness_n_per_m");
 ///
 /// #[derive(Clone)]
 /// struct Pull {
@@ -78,25 +65,25 @@ use std::marker::PhantomData;
 ///
 /// impl Processor<Spring> for Pull {
 ///     fn process(&mut self, _: &Tick, io: &mut Io<'_, Spring>) {
-///         let positions_m = io.read(POSITION);
-///         for (force_n, position_m) in io.write(FORCE).iter_mut().zip(positions_m) {
+///         let positions_m = io.read(Spring::POSITION);
+///         for (force_n, position_m) in io.write(Spring::FORCE).iter_mut().zip(positions_m) {
 ///             *force_n = -self.stiffness_n_per_m * position_m;
 ///         }
 ///     }
 ///
-///     fn set(&mut self, setting: LiveId<Spring>, value: f64) {
-///         if setting == STIFFNESS_N_PER_M {
+///     fn set(&mut self, setting: LiveId<SpringSettings>, value: f64) {
+///         if setting == SpringSettings::stiffness_n_per_m {
 ///             self.stiffness_n_per_m = value;
 ///         }
 ///     }
 /// }
-/// # use haptograph_engine::testing::Bench;
+/// # use haptograph_engine::{frame::Kind, testing::Bench};
 /// # let settings = SpringSettings { stiffness_n_per_m: 100.0 };
 /// # let mut bench = Bench::new::<Spring>(settings, 1000.0, &[Kind::SCALAR]).unwrap();
-/// # bench.set(STIFFNESS_N_PER_M, 200.0);
+/// # bench.set(SpringSettings::stiffness_n_per_m, 200.0);
 /// # assert_eq!(bench.run(&[&[0.0, 0.25]]), [[0.0, -50.0]]);
 /// ```
-pub trait Processor<K: 'static>: Clone + Send + Sync + 'static {
+pub trait Processor<K: Declared>: Clone + Send + Sync + 'static {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, K>);
 
@@ -104,13 +91,13 @@ pub trait Processor<K: 'static>: Clone + Send + Sync + 'static {
     /// `radius_mm.si()`. Real-time code like `process`.
     ///
     /// The engine calls it with the handles of the settings that are declared `[live]`, and at each frame of a ramp.
-    fn set(&mut self, setting: LiveId<K>, value: f64) {
+    fn set(&mut self, setting: LiveId<K::Settings>, value: f64) {
         let _ = (setting, value);
     }
 
     /// Sets one number of a live setting that is a list, as [`set`](Self::set) does. The length of the list does not change:
     /// another length is another node.
-    fn set_item(&mut self, setting: LiveId<K>, item: usize, value: f64) {
+    fn set_item(&mut self, setting: LiveId<K::Settings>, item: usize, value: f64) {
         let _ = (setting, item, value);
     }
 
@@ -140,7 +127,7 @@ pub struct Built<K> {
     kind: PhantomData<fn() -> K>,
 }
 
-impl<K: 'static> Built<K> {
+impl<K: Declared> Built<K> {
     /// Erases the type of a processor.
     pub fn new(processor: impl Processor<K>) -> Self {
         Self::erased(Of { processor, kind: PhantomData::<fn() -> K> })
@@ -161,7 +148,7 @@ impl<K: NodeKind> Built<K> {
     pub fn law<F: FrameKind>(law: Law, input: Input<K, F>, output: Output<K, F>) -> Self {
         const {
             assert!(
-                count_live(K::Settings::FIELDS) <= 1,
+                count(K::Settings::FIELDS, Flag::live) <= 1,
                 "a law has one number, and so at most one live setting"
             );
         }
@@ -240,7 +227,7 @@ pub(crate) struct Of<K, P> {
     kind: PhantomData<fn() -> K>,
 }
 
-impl<K: 'static, P: Processor<K>> AnyProcessor for Of<K, P> {
+impl<K: Declared, P: Processor<K>> AnyProcessor for Of<K, P> {
     fn process(&mut self, tick: &Tick, offset: usize, wires: &Wires, memory: &mut [f64]) {
         let ports = Ports::new(tick.frames, offset, wires, memory);
         self.processor.process(tick, &mut Io::new(ports));

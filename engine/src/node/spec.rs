@@ -1,6 +1,7 @@
 //! What a node kind says of itself: documentation and ports.
 
-use crate::frame::Kind;
+use super::{Count, Input, Mode, Output};
+use crate::frame::{FrameKind, Kind};
 use haptograph_signal::quantity::Quantity;
 
 /// Specification of a node kind; the source of its documentation, messages and checks.
@@ -114,22 +115,6 @@ impl NodeSpec {
     }
 }
 
-impl OutputSpec {
-    /// Makes it a family whose members this setting names.
-    #[must_use]
-    pub const fn named_by(mut self, setting: &'static str) -> Self {
-        self.count = OutputCount::NamedBy(setting);
-        self
-    }
-
-    /// The same with a role.
-    #[must_use]
-    pub const fn with_role(mut self, role: OutputRole) -> Self {
-        self.role = role;
-        self
-    }
-}
-
 /// How an input reads its signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
@@ -202,73 +187,76 @@ pub enum QuantityRule {
     Setting(&'static str),
 }
 
-/// A required input of one kind and quantity.
-pub const fn input(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> InputSpec {
-    InputSpec {
-        name,
-        kind: KindRule::Is(kind),
-        quantity: QuantityRule::Is(quantity),
-        flow: Flow::Sampled,
-        presence: Presence::Required,
-        doc,
-    }
+/// What a port of [`node!`](crate::node!) carries and what it is for. Its name, the kind of its frames and the number of its
+/// connections are those of its handle.
+#[derive(Debug, Clone, Copy)]
+pub struct Port {
+    like: Option<&'static str>,
+    quantity: QuantityRule,
+    role: OutputRole,
+    count: OutputCount,
+    doc: &'static str,
 }
 
-impl InputSpec {
-    /// Makes the input read runs of held frames.
+impl Port {
+    /// A port of any quantity.
+    pub const fn any(doc: &'static str) -> Self {
+        let (role, count) = (OutputRole::Plain, OutputCount::One);
+        Self { like: None, quantity: QuantityRule::Any, role, count, doc }
+    }
+
+    /// A port of this quantity.
+    pub const fn of(quantity: Quantity, doc: &'static str) -> Self {
+        Self::any(doc).carrying(QuantityRule::Is(quantity))
+    }
+
+    /// A port of the quantity that this setting names.
+    pub const fn of_setting(setting: &'static str, doc: &'static str) -> Self {
+        Self::any(doc).carrying(QuantityRule::Setting(setting))
+    }
+
+    /// A port with the kind and quantity of the input of this name.
+    pub const fn like(input: &'static str, doc: &'static str) -> Self {
+        Self { like: Some(input), ..Self::any(doc).carrying(QuantityRule::Same(input)) }
+    }
+
+    /// The same with another rule of its quantity.
     #[must_use]
-    pub const fn held(mut self) -> Self {
-        self.flow = Flow::Held;
-        self
+    pub const fn carrying(self, quantity: QuantityRule) -> Self {
+        Self { quantity, ..self }
     }
 
-    /// Makes the input optional.
+    /// Makes it a family whose members this setting names.
     #[must_use]
-    pub const fn optional(mut self) -> Self {
-        self.presence = Presence::Optional;
-        self
+    pub const fn named_by(self, setting: &'static str) -> Self {
+        Self { count: OutputCount::NamedBy(setting), ..self }
     }
 
-    /// Makes the input take any number of connections, with or without names.
+    /// The same with a role.
     #[must_use]
-    pub const fn named(mut self) -> Self {
-        self.presence = Presence::Named;
-        self
+    pub const fn with_role(self, role: OutputRole) -> Self {
+        Self { role, ..self }
     }
-}
 
-/// A required input that takes frames of any linear kind and quantity.
-pub const fn any_input(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec {
-        name,
-        kind: KindRule::Linear,
-        quantity: QuantityRule::Any,
-        flow: Flow::Sampled,
-        presence: Presence::Required,
-        doc,
+    /// The input of this handle. For [`node!`](crate::node!).
+    #[doc(hidden)]
+    pub const fn input<K, F: FrameKind, M: Mode>(self, handle: Input<K, F, M>) -> InputSpec {
+        let Self { quantity, doc, .. } = self;
+        let (flow, presence) = (M::FLOW, M::PRESENCE);
+        InputSpec { name: handle.name(), kind: self.kind::<F>(), quantity, flow, presence, doc }
     }
-}
 
-/// An output of one kind and quantity.
-pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> OutputSpec {
-    OutputSpec {
-        name,
-        kind: KindRule::Is(kind),
-        quantity: QuantityRule::Is(quantity),
-        role: OutputRole::Plain,
-        count: OutputCount::One,
-        doc,
+    /// The output of this handle. For [`node!`](crate::node!).
+    #[doc(hidden)]
+    pub const fn output<K, F: FrameKind, C: Count>(self, handle: Output<K, F, C>) -> OutputSpec {
+        let Self { quantity, role, count, doc, .. } = self;
+        OutputSpec { name: handle.name(), kind: self.kind::<F>(), quantity, role, count, doc }
     }
-}
 
-/// An output with the kind and quantity of the named input.
-pub const fn output_like(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
-    OutputSpec {
-        name,
-        kind: KindRule::Same(like),
-        quantity: QuantityRule::Same(like),
-        role: OutputRole::Plain,
-        count: OutputCount::One,
-        doc,
+    const fn kind<F: FrameKind>(self) -> KindRule {
+        match self.like {
+            Some(input) => KindRule::Same(input),
+            None => F::KINDS.rule(),
+        }
     }
 }

@@ -49,13 +49,13 @@
 ///     }
 /// }
 /// ```
-/// A field without `= default` is required. `[live]` marks a setting that may change while the graph runs, whose handle
-/// is `LiveId::<LowPass>::named("cutoff_hz")` (see [`LiveId`](crate::settings::LiveId)), and `[live, below_nyquist]`
-/// a frequency that has to stay below half of the node's rate when it does. `[limit]` marks the limit of an actuator
-/// sink, and `[output_file]` the file that a sink writes. There are no other flags, and a misspelt one does not
-/// compile:
+/// A field without `= default` is required. `[live]` marks a setting that may change while the graph runs; its handle is a
+/// constant of the struct with the name of the field, `LowPassSettings::cutoff_hz` (see
+/// [`LiveId`](crate::settings::LiveId)). `[live, below_nyquist]` marks a frequency that has to stay below half of the node's
+/// rate when it changes, `[limit]` the limit of an actuator sink, and `[output_file]` the file that a sink writes. There are no
+/// other [flags](crate::settings::Flag), and a misspelt one does not compile:
 ///
-/// ```compile_fail
+/// ```compile_fail,E0599
 /// haptograph_engine::settings! {
 ///     /// Settings of a low-pass.
 ///     pub struct LowPassSettings {
@@ -66,20 +66,12 @@
 /// ```
 #[macro_export]
 macro_rules! settings {
-    (@live live) => { true };
-    (@live $other:ident) => { false };
-    (@limit limit) => { true };
-    (@limit $other:ident) => { false };
-    (@mark live $spec:ident) => { $spec.live = true };
-    (@mark below_nyquist $spec:ident) => { $spec.below_nyquist = true };
-    (@mark limit $spec:ident) => { $spec.role = $crate::settings::SettingRole::Limit };
-    (@mark output_file $spec:ident) => { $spec.role = $crate::settings::SettingRole::OutputFile };
-    (@mark $other:ident $spec:ident) => {
-        compile_error!(concat!(
-            "unknown flag `", stringify!($other),
-            "` of a setting; the flags are `live`, `below_nyquist`, `limit` and `output_file`"
-        ))
+    (@handle live $field:ident) => {
+        /// Handle of the live setting.
+        #[allow(dead_code, non_upper_case_globals)]
+        pub(crate) const $field: $crate::settings::LiveId<Self> = $crate::settings::LiveId::named(stringify!($field));
     };
+    (@handle $flag:ident $field:ident) => {};
     ($(#[doc = $summary:expr])* $vis:vis struct $name:ident {
         $($(#[doc = $doc:expr])* $([$($flag:ident),+])? $field:ident : $type:ty $(= $default:expr)? $(, in $range:expr)? ;)*
     }) => {
@@ -87,74 +79,30 @@ macro_rules! settings {
         #[derive(Debug, Clone, PartialEq)]
         $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
 
-        $(const _: () = $crate::settings::check_unit::<$type>(stringify!($field));)*
+        impl $name { $($($($crate::settings!(@handle $flag $field);)+)?)* }
 
         impl $crate::settings::Settings for $name {
+            const NAME: &'static str = stringify!($name);
+            const DOC: &'static str = concat!($($summary),*);
+            #[allow(clippy::unnecessary_cast)]
             const FIELDS: &'static [$crate::settings::DeclaredField] = &[$($crate::settings::DeclaredField {
                 name: stringify!($field),
-                is_live: $crate::settings::any(&[$($($crate::settings!(@live $flag)),+)?]),
-                is_limit: $crate::settings::any(&[$($($crate::settings!(@limit $flag)),+)?]),
+                doc: concat!($($doc),*).trim_ascii(),
+                range: <[(f64, f64)]>::first(&[$((*$range.start() as f64, *$range.end() as f64))?]).copied(),
+                flags: &[$($($crate::settings::Flag::$flag),+)?],
             }),*];
-
-            fn specs() -> Vec<$crate::settings::SettingSpec> {
-                vec![$({
-                    #[allow(unused_mut, unused_assignments)]
-                    let (mut default, mut range): (Option<$type>, Option<(f64, f64)>) = (None, None);
-                    $(default = Some($default);)?
-                    $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
-                    let doc = [$($doc),*].concat().trim().to_owned();
-                    #[allow(unused_mut)]
-                    let mut spec = $crate::settings::SettingSpec::new(stringify!($field), doc, default.as_ref(), range);
-                    $($($crate::settings!(@mark $flag spec);)+)?
-                    spec
-                }),*]
-            }
-
-            #[allow(unused_variables, unused_mut, unused_assignments)]
-            fn take_from(
-                fields: &mut $crate::settings::Fields,
-                reading: &mut $crate::settings::Reading<'_>,
-            ) -> Option<Self> {
-                // All fields are read before the first `?`, so that all errors are reported.
-                $(let $field = {
-                    let mut default: Option<$type> = None;
-                    $(default = Some($default);)?
-                    let mut range = None;
-                    $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
-                    fields.setting(stringify!($field), default, range, reading)
-                };)*
+            #[allow(unused_variables)]
+            fn each<V: $crate::settings::EachField>(visitor: &mut V) -> Option<Self> {
+                $(let $field = visitor.field::<$type>(
+                    const { $crate::settings::declared(Self::FIELDS, stringify!($field)) },
+                    None$(.or(Some($default)))?);)*
                 Some(Self { $($field: $field?,)* })
             }
-        }
-
-        impl $crate::settings::Setting for $name {
-            fn expected() -> $crate::settings::Expected {
-                $crate::settings::Expected::Structure(vec![$(stringify!($field)),*])
-            }
-            fn parts() -> Vec<$crate::settings::Part> {
-                let doc: &[&str] = &[$($summary),*];
-                vec![$crate::settings::Part {
-                    choice: None,
-                    doc: doc.concat().trim().to_owned(),
-                    fields: <Self as $crate::settings::Settings>::specs(),
-                }]
-            }
-            fn read(
-                value: &$crate::document::value::Value,
-                reading: &mut $crate::settings::Reading<'_>,
-            ) -> Option<Self> {
-                let owner = reading.owner(stringify!($name));
-                let mut fields = $crate::settings::fields_of(value, &owner, reading)?;
-                let read = <Self as $crate::settings::Settings>::take_from(&mut fields, reading);
-                fields.finish(reading);
-                read
-            }
-            fn value(&self) -> $crate::document::value::Value {
-                let fields: [(&str, $crate::document::value::Value); _] =
-                    [$((stringify!($field), $crate::settings::Setting::value(&self.$field))),*];
-                $crate::document::value::Value::structure(fields)
+            fn fields(&self) -> Vec<(&'static str, $crate::document::value::Value)> {
+                vec![$((stringify!($field), $crate::settings::Setting::value(&self.$field))),*]
             }
         }
+        $(const _: () = $crate::settings::check_unit::<$type>(stringify!($field));)*
     };
 }
 
@@ -194,53 +142,28 @@ macro_rules! choices {
                 $crate::settings::Expected::Choice(vec![$(stringify!($variant)),*])
             }
             fn parts() -> Vec<$crate::settings::Part> {
-                vec![$($crate::settings::Part {
-                    choice: Some(stringify!($variant)),
-                    doc: [$($doc),*].concat().trim().to_owned(),
-                    fields: $crate::choices!(@fields $($payload)?),
-                }),*]
+                vec![$($crate::settings::Part::of_choice(stringify!($variant), concat!($($doc),*),
+                    [Vec::new() $(, <$payload as $crate::settings::Settings>::specs())?].concat())),*]
             }
-            fn read(
-                value: &$crate::document::value::Value,
-                reading: &mut $crate::settings::Reading<'_>,
-            ) -> Option<Self> {
-                // Full paths: the enum itself may be called `Shape`.
-                let $crate::document::value::Shape::Tagged($crate::document::value::Tagged {
-                    name: Some(name), ..
-                }) = &value.shape else {
-                    reading.not_a_choice(value, &[$(stringify!($variant)),*]);
-                    return None;
-                };
-                match name.text.as_str() {
-                    $(stringify!($variant) => $crate::choices!(@read $name $variant value reading $($payload)?),)*
-                    unknown => {
-                        $crate::settings::unknown_choice(unknown, &[$(stringify!($variant)),*], name.span, reading);
-                        None
-                    }
-                }
+            #[allow(unused_variables)]
+            fn read(value: &$crate::document::value::Value, into: &mut $crate::settings::Reading<'_>) -> Option<Self> {
+                let choices = &[$(stringify!($variant)),*];
+                $crate::settings::read_choice(value, choices, into, |choice, fields, reading| {
+                    $(if choice == stringify!($variant) {
+                        return Some(Self::$variant
+                            $((<$payload as $crate::settings::Settings>::take_from(fields, reading)?))?);
+                    })*
+                    None
+                })
             }
             fn value(&self) -> $crate::document::value::Value {
-                match self { $($crate::choices!(@pattern $variant payload $($payload)?) =>
+                match self { $($crate::choices!(@from $variant payload $($payload)?) =>
                     $crate::choices!(@value $variant payload $($payload)?),)* }
             }
         }
     };
-    (@fields) => { Vec::new() };
-    (@fields $payload:ty) => { <$payload as $crate::settings::Settings>::specs() };
-    (@read $name:ident $variant:ident $value:ident $reading:ident) => {{
-        let fields = $crate::settings::fields_of($value, concat!("`", stringify!($variant), "`"), $reading)?;
-        fields.finish($reading);
-        Some($name::$variant)
-    }};
-    (@read $name:ident $variant:ident $value:ident $reading:ident $payload:ty) => {{
-        let mut fields =
-            $crate::settings::fields_of($value, concat!("`", stringify!($variant), "`"), $reading)?;
-        let read = <$payload as $crate::settings::Settings>::take_from(&mut fields, $reading);
-        fields.finish($reading);
-        read.map($name::$variant)
-    }};
-    (@pattern $variant:ident $settings:ident) => { Self::$variant };
-    (@pattern $variant:ident $settings:ident $payload:ty) => { Self::$variant($settings) };
+    (@from $variant:ident $settings:ident) => { Self::$variant };
+    (@from $variant:ident $settings:ident $payload:ty) => { Self::$variant($settings) };
     (@value $variant:ident $settings:ident) => { $crate::document::value::Value::name(stringify!($variant)) };
     (@value $variant:ident $settings:ident $payload:ty) => {
         $crate::settings::Setting::value($settings).named(stringify!($variant))

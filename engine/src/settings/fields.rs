@@ -1,6 +1,6 @@
 //! The fields of a structure while it is read.
 
-use super::{Expected, Reading, Setting, closest};
+use super::{Expected, Reading, Setting, closest, unknown_choice};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use haptograph_signal::units;
@@ -208,4 +208,25 @@ pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Optio
         }
     };
     Some(Fields::new(owner.to_owned(), value.span, entries, reading))
+}
+
+/// Reads the choice that a value makes, one of `choices`, with the fields that it has; reports any other value.
+pub fn read_choice<T>(
+    value: &Value,
+    choices: &[&'static str],
+    reading: &mut Reading<'_>,
+    read: impl FnOnce(&str, &mut Fields, &mut Reading<'_>) -> Option<T>,
+) -> Option<T> {
+    let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape else {
+        reading.not_a_choice(value, choices);
+        return None;
+    };
+    if !choices.contains(&name.text.as_str()) {
+        unknown_choice(&name.text, choices, name.span, reading);
+        return None;
+    }
+    let mut fields = fields_of(value, &format!("`{}`", name.text), reading)?;
+    let read = read(&name.text, &mut fields, reading);
+    fields.finish(reading);
+    read
 }

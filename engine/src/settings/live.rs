@@ -1,7 +1,6 @@
 //! Live settings: their handles, and how these are looked up.
 
-use super::Settings;
-use crate::node::NodeKind;
+use super::{Flag, Settings};
 use crate::node_id::NodeId;
 use std::marker::PhantomData;
 
@@ -46,17 +45,6 @@ impl LiveSetting {
     }
 }
 
-/// A field of a [`Settings`] struct, from its declaration.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DeclaredField {
-    /// The name.
-    pub name: &'static str,
-    /// True if the setting can change while the graph runs.
-    pub is_live: bool,
-    /// True if the setting is the limit of an actuator sink.
-    pub is_limit: bool,
-}
-
 /// The most numbers of a list that is a live setting. With more of them the setting is not live.
 pub const MAX_LIVE_ITEMS: usize = 64;
 
@@ -68,17 +56,15 @@ pub struct SettingId {
     item: Option<usize>,
 }
 
-/// Handle of a live setting of the node kind `K`, by which [`Processor::set`](crate::node::Processor::set) gets its new
-/// values.
+/// Handle of a live setting of the settings `S`, by which [`Processor::set`](crate::node::Processor::set) gets its new values.
 ///
-/// It is looked up by name at compile time, and can be used in a pattern:
+/// [`settings!`](crate::settings!) declares it as a constant with the name of the field, which can be used in a pattern:
 ///
 /// ```
 /// use haptograph_engine::settings::LiveId;
-/// # use haptograph_engine::node::*;
 ///
 /// haptograph_engine::settings! {
-///     /// Settings of `Smoother`.
+///     /// Settings of a smoother.
 ///     pub struct SmootherSettings {
 ///         /// Where the response has fallen by 3 dB.
 ///         [live] cutoff_hz: f64 = 20.0;
@@ -86,25 +72,17 @@ pub struct SettingId {
 ///         order: u32 = 2;
 ///     }
 /// }
-/// # struct Smoother;
-/// # impl NodeKind for Smoother {
-/// #     type Settings = SmootherSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
-/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
 ///
-/// const CUTOFF_HZ: LiveId<Smoother> = LiveId::named("cutoff_hz");
-///
-/// fn is_cutoff(setting: LiveId<Smoother>) -> bool {
-///     matches!(setting, CUTOFF_HZ)
+/// fn is_cutoff(setting: LiveId<SmootherSettings>) -> bool {
+///     matches!(setting, SmootherSettings::cutoff_hz)
 /// }
-/// assert!(is_cutoff(CUTOFF_HZ));
+/// assert!(is_cutoff(SmootherSettings::cutoff_hz));
 /// ```
 ///
-/// A setting that is not live does not compile:
+/// A setting that is not live has no handle:
 ///
-/// ```compile_fail,E0080
-/// # use haptograph_engine::{node::*, settings::LiveId};
+/// ```compile_fail,E0599
+/// # use haptograph_engine::settings::LiveId;
 /// # haptograph_engine::settings! {
 /// #     /// Settings of a smoother.
 /// #     pub struct SmootherSettings {
@@ -114,19 +92,15 @@ pub struct SettingId {
 /// #         order: u32 = 2;
 /// #     }
 /// # }
-/// # struct Smoother;
-/// # impl NodeKind for Smoother {
-/// #     type Settings = SmootherSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
-/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const ORDER: LiveId<Smoother> = LiveId::named("order");
+/// fn is_order(setting: LiveId<SmootherSettings>) -> bool {
+///     setting == SmootherSettings::order
+/// }
 /// ```
 ///
 /// Nor does a name that no setting has:
 ///
-/// ```compile_fail,E0080
-/// # use haptograph_engine::{node::*, settings::LiveId};
+/// ```compile_fail,E0599
+/// # use haptograph_engine::settings::LiveId;
 /// # haptograph_engine::settings! {
 /// #     /// Settings of a smoother.
 /// #     pub struct SmootherSettings {
@@ -136,48 +110,36 @@ pub struct SettingId {
 /// #         order: u32 = 2;
 /// #     }
 /// # }
-/// # struct Smoother;
-/// # impl NodeKind for Smoother {
-/// #     type Settings = SmootherSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
-/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// const CUTOFF_HZ: LiveId<Smoother> = LiveId::named("cutof_hz");
-/// ```
-///
-/// Nor does a setting of another node:
-///
-/// ```compile_fail,E0308
-/// # use haptograph_engine::{node::*, settings::LiveId};
-/// # haptograph_engine::settings! {
-/// #     /// Settings of a smoother.
-/// #     pub struct SmootherSettings {
-/// #         /// Where the response has fallen by 3 dB.
-/// #         [live] cutoff_hz: f64 = 20.0;
-/// #         /// Poles.
-/// #         order: u32 = 2;
-/// #     }
-/// # }
-/// # struct Smoother;
-/// # impl NodeKind for Smoother {
-/// #     type Settings = SmootherSettings;
-/// #     const SPEC: NodeSpec = NodeSpec { name: "", group: "", doc: "", source: "", example: "", inputs: &[], outputs: &[] };
-/// #     fn build(_: SmootherSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> { todo!() }
-/// # }
-/// # enum Other {}
-/// const CUTOFF_HZ: LiveId<Smoother> = LiveId::named("cutoff_hz");
-///
-/// fn is_cutoff(setting: LiveId<Other>) -> bool {
-///     setting == CUTOFF_HZ
+/// fn is_cutoff(setting: LiveId<SmootherSettings>) -> bool {
+///     setting == SmootherSettings::cutof_hz
 /// }
 /// ```
-pub type LiveId<K> = TypedId<fn() -> K>;
+///
+/// A setting of other settings does not compile:
+///
+/// ```compile_fail,E0308
+/// # use haptograph_engine::settings::LiveId;
+/// # haptograph_engine::settings! {
+/// #     /// Settings of a smoother.
+/// #     pub struct SmootherSettings {
+/// #         /// Where the response has fallen by 3 dB.
+/// #         [live] cutoff_hz: f64 = 20.0;
+/// #         /// Poles.
+/// #         order: u32 = 2;
+/// #     }
+/// # }
+/// # haptograph_engine::settings! { /** Others. */ pub struct OtherSettings {} }
+/// fn is_cutoff(setting: LiveId<OtherSettings>) -> bool {
+///     setting == SmootherSettings::cutoff_hz
+/// }
+/// ```
+pub type LiveId<S> = TypedId<fn() -> S>;
 
-/// The type of a [`LiveId`]. A parameter that is a pointer to a function lets it stand in patterns, whatever the kind.
+/// The type of a [`LiveId`]. A parameter that is a pointer to a function lets it stand in patterns, whatever the settings.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct TypedId<T> {
     index: usize,
-    kind: PhantomData<T>,
+    settings: PhantomData<T>,
 }
 
 impl<T> std::fmt::Debug for TypedId<T> {
@@ -186,54 +148,52 @@ impl<T> std::fmt::Debug for TypedId<T> {
     }
 }
 
-impl<K: NodeKind> LiveId<K> {
-    /// The handle of the live setting `name` of `K`. In a constant a wrong name is a compile error.
+impl<S: Settings> LiveId<S> {
+    /// The handle of the live setting of this name, for a program whose settings these are not. In a constant a wrong name is
+    /// a compile error.
     ///
     /// # Panics
     /// If no setting has this name, or the setting is not live.
     pub const fn named(name: &str) -> Self {
-        Self { index: SettingId::of::<K::Settings>(name).index, kind: PhantomData }
-    }
-}
-
-impl<K> LiveId<K> {
-    /// One number of the setting, which is a list.
-    pub const fn item(self, item: usize) -> SettingId {
-        SettingId { index: self.index, item: Some(item) }
-    }
-}
-
-impl<K> LiveId<K> {
-    /// The handle of a setting of the list of `K`.
-    pub(crate) const fn at(setting: SettingId) -> Self {
-        Self { index: setting.index, kind: PhantomData }
-    }
-}
-
-impl<K> From<LiveId<K>> for SettingId {
-    fn from(setting: LiveId<K>) -> Self {
-        Self::at(setting.index)
-    }
-}
-
-impl SettingId {
-    /// The handle of the live setting `name` of `S`. In a constant a wrong name is a compile error.
-    ///
-    /// # Panics
-    /// If no setting has this name, or the setting is not live.
-    pub(crate) const fn of<S: Settings>(name: &str) -> Self {
         let mut index = 0;
         while index < S::FIELDS.len() {
-            let field = S::FIELDS[index];
-            if same(field.name, name) {
-                assert!(field.is_live, "this setting is not live: its declaration needs `[live]`");
-                return Self::at(index);
+            if same(S::FIELDS[index].name, name) {
+                assert!(
+                    S::FIELDS[index].is(Flag::live),
+                    "this setting is not live: its declaration needs `[live]`"
+                );
+                return Self { index, settings: PhantomData };
             }
             index += 1;
         }
         panic!("no setting has this name")
     }
 
+    /// Name in graph files.
+    pub fn name(self) -> &'static str {
+        S::FIELDS.get(self.index).map_or("", |field| field.name)
+    }
+}
+
+impl<S> LiveId<S> {
+    /// One number of the setting, which is a list.
+    pub const fn item(self, item: usize) -> SettingId {
+        SettingId { index: self.index, item: Some(item) }
+    }
+
+    /// The handle of a setting of the list of `S`.
+    pub(crate) const fn at(setting: SettingId) -> Self {
+        Self { index: setting.index, settings: PhantomData }
+    }
+}
+
+impl<S> From<LiveId<S>> for SettingId {
+    fn from(setting: LiveId<S>) -> Self {
+        Self::at(setting.index)
+    }
+}
+
+impl SettingId {
     /// The setting with this index in the list of settings.
     pub(crate) const fn at(index: usize) -> Self {
         Self { index, item: None }
@@ -272,41 +232,6 @@ pub(crate) const fn same(one: &str, other: &str) -> bool {
     true
 }
 
-/// True if one of the fields is the limit of an actuator sink, in constants too.
-pub(crate) const fn has_limit(fields: &[DeclaredField]) -> bool {
-    let mut at = 0;
-    while at < fields.len() {
-        if fields[at].is_limit {
-            return true;
-        }
-        at += 1;
-    }
-    false
-}
-
-/// Number of live fields, in constants too.
-pub(crate) const fn count_live(fields: &[DeclaredField]) -> usize {
-    let (mut at, mut live) = (0, 0);
-    while at < fields.len() {
-        live += fields[at].is_live as usize;
-        at += 1;
-    }
-    live
-}
-
-/// True if any of the flags is set, in constants too. For [`settings!`](crate::settings!).
-#[doc(hidden)]
-pub const fn any(flags: &[bool]) -> bool {
-    let mut at = 0;
-    while at < flags.len() {
-        if flags[at] {
-            return true;
-        }
-        at += 1;
-    }
-    false
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -324,26 +249,24 @@ mod tests {
     }
 
     #[test]
-    fn a_live_setting_is_found_by_its_name() {
-        const LOW: SettingId = SettingId::of::<Toy>("low");
-        const HIGH: SettingId = SettingId::of::<Toy>("high");
-        assert_eq!((LOW.index(), HIGH.index()), (0, 2));
-        assert_eq!(count_live(Toy::FIELDS), 2);
-        let names: Vec<&str> = Toy::specs().iter().map(|spec| spec.name).collect();
-        assert_eq!(names, Toy::FIELDS.iter().map(|field| field.name).collect::<Vec<_>>());
-        let lives: Vec<bool> = Toy::specs().iter().map(|spec| spec.live).collect();
-        assert_eq!(lives, Toy::FIELDS.iter().map(|field| field.is_live).collect::<Vec<_>>());
+    fn a_live_setting_has_the_place_of_its_declaration() {
+        assert_eq!((Toy::low.index, Toy::high.index), (0, 2));
+        assert_eq!((Toy::low.name(), Toy::high.name()), ("low", "high"));
+        assert_eq!(crate::settings::count(Toy::FIELDS, Flag::live), 2);
+        let specs = Toy::specs();
+        assert_eq!(specs.iter().map(|spec| spec.name).collect::<Vec<_>>(), ["low", "order", "high"]);
+        assert_eq!(specs.iter().map(|spec| spec.live).collect::<Vec<_>>(), [true, false, true]);
     }
 
     #[test]
     #[should_panic(expected = "not live")]
     fn what_is_not_live_has_no_handle() {
-        let _ = SettingId::of::<Toy>("order");
+        let _ = LiveId::<Toy>::named("order");
     }
 
     #[test]
     #[should_panic(expected = "no setting has this name")]
     fn a_wrong_name_has_no_handle() {
-        let _ = SettingId::of::<Toy>("lo");
+        let _ = LiveId::<Toy>::named("lo");
     }
 }

@@ -2,19 +2,25 @@
 #![allow(dead_code)]
 
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::{Kind, KindSpec, Level, Linear};
+use haptograph_engine::frame::{AnyKind, Kind, KindSpec, Level, Linear, OneKind, Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, FileContext, FileKind, FileSink, Flow, FrameWriter, Input,
-    InputSpec, Io, KindRule, Limit, Named, NodeEntry, NodeKind, NodeSpec, OutputCount, OutputRole,
-    OutputSpec, Presence, Processor, QuantityRule, Stream, Tick, any_input, input, output, output_like,
+    ActuatorKind, BuildContext, BuildError, Built, Family, FileContext, FileKind, FileSink, FrameWriter,
+    Held, Io, Limit, Many, Named, NodeEntry, NodeKind, Optional, Port, Processor, QuantityRule, Stream, Tick,
 };
 use haptograph_engine::registry::Registry;
+use haptograph_engine::settings::NoSettings;
 use haptograph_engine::{choices, settings};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Millimetres;
 use std::path::{Path, PathBuf};
 
 /// A kind that the engine does not have.
+pub struct Weights;
+impl OneKind for Weights {
+    const KIND: Kind = WEIGHTS;
+    type Array = [f64; 2];
+}
+
 pub const WEIGHTS: Kind = Kind::new(&KindSpec {
     name: "weights",
     one: "weights",
@@ -43,8 +49,8 @@ pub fn registry() -> Registry {
         .add(NodeEntry::processor::<Compensator>())
         .add(NodeEntry::file::<Wav>())
         .add(NodeEntry::actuator::<Drive>())
-        .add(NodeEntry::source(&STYLUS))
-        .add(NodeEntry::source(&THERMOMETER));
+        .add(NodeEntry::source::<StylusSource>())
+        .add(NodeEntry::source::<ThermometerSource>());
     registry.add_device(DeviceEntry::of::<Tablet>()).add_device(DeviceEntry::of::<Coil>());
     registry.add_parts("std/tones.ron", TONES);
     registry
@@ -67,27 +73,17 @@ impl<K: NodeKind> Processor<K> for Silent {
     fn process(&mut self, _: &Tick, _: &mut Io<'_, K>) {}
 }
 
-const fn spec(
-    name: &'static str,
-    doc: &'static str,
-    inputs: &'static [InputSpec],
-    outputs: &'static [OutputSpec],
-) -> NodeSpec {
-    NodeSpec { name, group: "test", doc, source: "", inputs, outputs, example: "" }
-}
-
+/// Kinds of nodes that are only checked.
 macro_rules! silent {
-    ($kind:ident, $settings:ty, $spec:expr) => {
-        struct $kind;
+    ($($kind:ident),*) => {$(
         impl NodeKind for $kind {
-            type Settings = $settings;
-            const SPEC: NodeSpec = $spec;
-            fn build(_: $settings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+            fn build(_: Self::Settings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
                 Ok(Built::new(Silent))
             }
         }
-    };
+    )*};
 }
+silent!(Sum, Multiply, Derivative, Locate, Split, SpeedMeter, Compensator);
 
 settings! {
     /// A tone.
@@ -99,22 +95,13 @@ settings! {
     }
 }
 
-struct Sine;
+haptograph_engine::node! {
+    /// A tone.
+    struct Sine(SineSettings) in "test";
+    example: "";
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The tone.");
+}
 impl NodeKind for Sine {
-    type Settings = SineSettings;
-    const SPEC: NodeSpec = spec(
-        "Sine",
-        "A tone.",
-        &[],
-        &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::SCALAR),
-            quantity: QuantityRule::Setting("quantity"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The tone.",
-        }],
-    );
     fn build(settings: SineSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let nyquist = cx.rate.hz() / 2.0;
         if settings.frequency_hz >= nyquist {
@@ -133,17 +120,15 @@ settings! {
         [live] gain: f64;
     }
 }
-/// A gain of zero can be built, and is probably not meant.
-struct Gain;
+haptograph_engine::node! {
+    /// Multiplies by a number.
+    struct Gain(GainSettings) in "test";
+    example: "";
+    in INPUT: Linear = Port::any("What is multiplied.");
+    out OUTPUT: Linear = Port::like("input", "The product.");
+}
 
 impl NodeKind for Gain {
-    type Settings = GainSettings;
-    const SPEC: NodeSpec = spec(
-        "Gain",
-        "Multiplies by a number.",
-        &[any_input("input", "What is multiplied.")],
-        &[output_like("output", "input", "The product.")],
-    );
     fn build(_: Self::Settings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Silent))
     }
@@ -154,34 +139,25 @@ impl NodeKind for Gain {
     }
 }
 
-const LIST: InputSpec = InputSpec {
-    name: "inputs",
-    kind: KindRule::Linear,
-    quantity: QuantityRule::Any,
-    flow: Flow::Sampled,
-    presence: Presence::Many,
-    doc: "The terms.",
-};
-silent!(
-    Sum,
-    haptograph_engine::settings::NoSettings,
-    spec("Sum", "Adds.", &[LIST], &[output_like("output", "inputs", "The sum.")])
-);
+haptograph_engine::node! {
+    /// Adds.
+    struct Sum(NoSettings) in "test";
+    example: "";
+    in INPUTS: Linear, Many = Port::any("The terms.");
+    out OUTPUT: Linear = Port::like("inputs", "The sum.");
+}
 
-/// Adds under names, which are written in small letters.
-struct Mix;
-const MIXED: Input<Mix, Linear, Named> = Input::named("terms");
+haptograph_engine::node! {
+    /// Adds under names.
+    struct Mix(NoSettings) in "test";
+    example: "";
+    in TERMS: Linear, Named = Port::any("The terms.");
+    out OUTPUT: Linear = Port::like("terms", "The sum.");
+}
 
 impl NodeKind for Mix {
-    type Settings = haptograph_engine::settings::NoSettings;
-    const SPEC: NodeSpec = spec(
-        "Mix",
-        "Adds under names.",
-        &[any_input("terms", "The terms.").named()],
-        &[output_like("output", "terms", "The sum.")],
-    );
     fn build(_: Self::Settings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let mut names = cx.names(MIXED).iter();
+        let mut names = cx.names(Mix::TERMS).iter();
         match names.position(|name| name.contains(char::is_uppercase)) {
             Some(place) => {
                 Err(BuildError::at("terms", "a term is written in small letters").connection(place))
@@ -190,7 +166,7 @@ impl NodeKind for Mix {
         }
     }
     fn advice(_: &Self::Settings, cx: &BuildContext) -> Vec<BuildError> {
-        let alone = cx.connections(MIXED) == 1;
+        let alone = cx.connections(Mix::TERMS) == 1;
         let doubt = || BuildError::at("terms", "a sum of one").connection(0);
         alone.then(doubt).into_iter().collect()
     }
@@ -205,20 +181,16 @@ settings! {
         count: Option<u32> = None;
     }
 }
-/// Copies its input to outputs that it names.
-struct Fan;
+haptograph_engine::node! {
+    /// Copies its input.
+    struct Fan(FanSettings) in "test";
+    example: "";
+    in INPUT: Linear = Port::any("What is copied.");
+    out COUNT: Scalar = Port::of(Quantity::NUMBER, "How many copies there are.");
+    out COPIES: Linear, Family = Port::like("input", "A copy.").named_by("names");
+}
 
 impl NodeKind for Fan {
-    type Settings = FanSettings;
-    const SPEC: NodeSpec = spec(
-        "Fan",
-        "Copies its input.",
-        &[any_input("input", "What is copied.")],
-        &[
-            output("count", Kind::SCALAR, Quantity::NUMBER, "How many copies there are."),
-            output_like("copies", "input", "A copy.").named_by("names"),
-        ],
-    );
     fn members(settings: &FanSettings) -> Result<Vec<String>, BuildError> {
         let found = settings.names.len();
         match settings.count.filter(|count| *count as usize != found) {
@@ -231,44 +203,22 @@ impl NodeKind for Fan {
     }
 }
 
-silent!(
-    Multiply,
-    haptograph_engine::settings::NoSettings,
-    spec(
-        "Multiply",
-        "Multiplies two signals.",
-        &[
-            any_input("a", "One factor."),
-            InputSpec { kind: KindRule::Same("a"), ..any_input("b", "The other.") },
-        ],
-        &[OutputSpec {
-            name: "output",
-            kind: KindRule::Same("a"),
-            quantity: QuantityRule::Product("a", "b"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The product.",
-        }],
-    )
-);
+haptograph_engine::node! {
+    /// Multiplies two signals.
+    struct Multiply(NoSettings) in "test";
+    example: "";
+    in A: Linear = Port::any("One factor.");
+    in B: Linear = Port::like("a", "The other.").carrying(QuantityRule::Any);
+    out OUTPUT: Linear = Port::like("a", "The product.").carrying(QuantityRule::Product("a", "b"));
+}
 
-silent!(
-    Derivative,
-    haptograph_engine::settings::NoSettings,
-    spec(
-        "Derivative",
-        "Change per second.",
-        &[any_input("input", "What changes.")],
-        &[OutputSpec {
-            name: "output",
-            kind: KindRule::Same("input"),
-            quantity: QuantityRule::PerSecond("input"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "Its change.",
-        }],
-    )
-);
+haptograph_engine::node! {
+    /// Change per second.
+    struct Derivative(NoSettings) in "test";
+    example: "";
+    in INPUT: Linear = Port::any("What changes.");
+    out OUTPUT: Linear = Port::like("input", "Its change.").carrying(QuantityRule::PerSecond("input"));
+}
 
 choices! {
     /// How a filter is computed.
@@ -288,18 +238,15 @@ settings! {
         surface: PathBuf;
     }
 }
-struct Filter;
+haptograph_engine::node! {
+    /// A synthesis filter.
+    struct Filter(FilterSettings) in "test";
+    example: "";
+    in WEIGHTS: Weights, Held = Port::of(Quantity::NUMBER, "Which models.");
+    in EXCITATION: Scalar, Optional = Port::of(Quantity::NUMBER, "Noise.");
+    out ACCELERATION: Scalar = Port::of(Quantity::ACCELERATION, "The vibration.");
+}
 impl NodeKind for Filter {
-    type Settings = FilterSettings;
-    const SPEC: NodeSpec = spec(
-        "Filter",
-        "A synthesis filter.",
-        &[
-            input("weights", WEIGHTS, Quantity::NUMBER, "Which models.").held(),
-            input("excitation", Kind::SCALAR, Quantity::NUMBER, "Noise.").optional(),
-        ],
-        &[output("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "The vibration.")],
-    );
     fn build(settings: FilterSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         match haptograph_signal::files::read(&settings.surface, 1 << 20) {
             Ok(_) => Ok(Built::new(Silent)),
@@ -312,52 +259,36 @@ impl NodeKind for Filter {
     }
 }
 
-silent!(
-    Locate,
-    haptograph_engine::settings::NoSettings,
-    spec(
-        "Locate",
-        "Finds the models of a speed and force.",
-        &[
-            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tool."),
-            input("force", Kind::SCALAR, Quantity::FORCE, "Normal force."),
-        ],
-        &[output("weights", WEIGHTS, Quantity::NUMBER, "The models.")],
-    )
-);
-silent!(
-    Split,
-    haptograph_engine::settings::NoSettings,
-    spec(
-        "Split",
-        "Takes a vector apart.",
-        &[input("position", Kind::VECTOR, Quantity::LENGTH, "The vector.")],
-        &[
-            output("x", Kind::SCALAR, Quantity::LENGTH, "Along x."),
-            output("y", Kind::SCALAR, Quantity::LENGTH, "Along y."),
-        ],
-    )
-);
-silent!(
-    SpeedMeter,
-    haptograph_engine::settings::NoSettings,
-    spec(
-        "SpeedMeter",
-        "Speed of a point.",
-        &[input("position", Kind::VECTOR, Quantity::LENGTH, "The point.")],
-        &[output("speed", Kind::SCALAR, Quantity::SPEED, "Its speed.")],
-    )
-);
-silent!(
-    Compensator,
-    haptograph_engine::settings::NoSettings,
-    spec(
-        "Compensator",
-        "From acceleration to current.",
-        &[input("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "What is wanted.")],
-        &[output("current", Kind::SCALAR, Quantity::CURRENT, "What makes it.")],
-    )
-);
+haptograph_engine::node! {
+    /// Finds the models of a speed and force.
+    struct Locate(NoSettings) in "test";
+    example: "";
+    in SPEED: Scalar = Port::of(Quantity::SPEED, "Speed of the tool.");
+    in FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force.");
+    out WEIGHTS: Weights = Port::of(Quantity::NUMBER, "The models.");
+}
+haptograph_engine::node! {
+    /// Takes a vector apart.
+    struct Split(NoSettings) in "test";
+    example: "";
+    in POSITION: Vector = Port::of(Quantity::LENGTH, "The vector.");
+    out X: Scalar = Port::of(Quantity::LENGTH, "Along x.");
+    out Y: Scalar = Port::of(Quantity::LENGTH, "Along y.");
+}
+haptograph_engine::node! {
+    /// Speed of a point.
+    struct SpeedMeter(NoSettings) in "test";
+    example: "";
+    in POSITION: Vector = Port::of(Quantity::LENGTH, "The point.");
+    out SPEED: Scalar = Port::of(Quantity::SPEED, "Its speed.");
+}
+haptograph_engine::node! {
+    /// From acceleration to current.
+    struct Compensator(NoSettings) in "test";
+    example: "";
+    in ACCELERATION: Scalar = Port::of(Quantity::ACCELERATION, "What is wanted.");
+    out CURRENT: Scalar = Port::of(Quantity::CURRENT, "What makes it.");
+}
 
 settings! {
     /// A file.
@@ -366,10 +297,13 @@ settings! {
         [output_file] file: String;
     }
 }
-struct Wav;
+haptograph_engine::node! {
+    /// Writes a file.
+    struct Wav(WavSettings) in "test";
+    example: "";
+    in INPUTS: AnyKind, Many = Port::any("The terms.");
+}
 impl FileKind for Wav {
-    type Settings = WavSettings;
-    const SPEC: NodeSpec = spec("Wav", "Writes a file.", &[InputSpec { kind: KindRule::Any, ..LIST }], &[]);
     fn build(settings: WavSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         let rates = cx.streams.windows(2).all(|pair| pair[0].rate == pair[1].rate);
         if !rates {
@@ -403,15 +337,14 @@ settings! {
         [limit] limit: CoilLimit;
     }
 }
-struct Drive;
+haptograph_engine::node! {
+    /// Drives a coil.
+    struct Drive(DriveSettings) in "test";
+    example: "";
+    in CURRENT: Scalar = Port::of(Quantity::CURRENT, "What is given.");
+    out DELIVERED: Scalar = Port::of(Quantity::CURRENT, "What was given.");
+}
 impl ActuatorKind for Drive {
-    type Settings = DriveSettings;
-    const SPEC: NodeSpec = spec(
-        "Drive",
-        "Drives a coil.",
-        &[input("current", Kind::SCALAR, Quantity::CURRENT, "What is given.")],
-        &[output("delivered", Kind::SCALAR, Quantity::CURRENT, "What was given.")],
-    );
     fn limit(settings: &DriveSettings) -> Result<(f64, Limit), BuildError> {
         let peak = settings.limit.peak_a;
         let limit = Limit { peak, continuous: peak, window_s: 1.0, slew_per_s: None };
@@ -419,21 +352,19 @@ impl ActuatorKind for Drive {
     }
 }
 
-const STYLUS: NodeSpec = spec(
-    "Stylus",
-    "A stylus on a tablet.",
-    &[],
-    &[
-        output("position", Kind::VECTOR, Quantity::LENGTH, "Its tip."),
-        output("force", Kind::SCALAR, Quantity::FORCE, "Normal force."),
-    ],
-);
-const THERMOMETER: NodeSpec = spec(
-    "Thermometer",
-    "Temperature.",
-    &[],
-    &[output("temperature", Kind::SCALAR, Quantity::TEMPERATURE, "Now.")],
-);
+haptograph_engine::node! {
+    /// A stylus on a tablet.
+    pub struct StylusSource as "Stylus"(NoSettings) in "test";
+    example: "";
+    out POSITION: Vector = Port::of(Quantity::LENGTH, "Its tip.");
+    out FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force.");
+}
+haptograph_engine::node! {
+    /// Temperature.
+    pub struct ThermometerSource as "Thermometer"(NoSettings) in "test";
+    example: "";
+    out TEMPERATURE: Scalar = Port::of(Quantity::TEMPERATURE, "Now.");
+}
 
 #[derive(Clone)]
 struct Still;
@@ -479,7 +410,7 @@ impl DeviceKind for Tablet {
 
 struct Coil;
 impl DeviceKind for Coil {
-    type Settings = haptograph_engine::settings::NoSettings;
+    type Settings = NoSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "Coil",
         doc: "A voice coil.",

@@ -85,7 +85,7 @@ mod tests {
     use haptograph_engine::frame::{Kind, Scalar};
     use haptograph_engine::graph::{CheckOptions, Graph, check};
     use haptograph_engine::node::{
-        BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, NodeSpec, Output, Processor, Tick, output,
+        BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
     };
     use haptograph_engine::run::{FileSinks, Live, LiveOptions, Session};
     use haptograph_engine::settings::NoSettings;
@@ -166,33 +166,23 @@ mod tests {
         std::panic::resume_unwind(Box::new("as asked"))
     }
 
-    const OUT: Output<Doomed, Scalar> = Output::named("out");
-
-    /// Panics in the second block.
-    #[derive(Clone)]
-    struct Doomed;
+    haptograph_engine::node! {
+        /// Panics in the second block.
+        struct Doomed(NoSettings) in "plain";
+        example: "";
+        out OUT: Scalar = Port::of(Quantity::CURRENT, "");
+    }
 
     impl Processor<Doomed> for Doomed {
         fn process(&mut self, tick: &Tick, io: &mut Io<'_, Doomed>) {
             if tick.first >= 64 {
                 panic_quietly();
             }
-            io.write(OUT).fill(0.5);
+            io.write(Doomed::OUT).fill(0.5);
         }
     }
 
     impl NodeKind for Doomed {
-        type Settings = NoSettings;
-        const SPEC: NodeSpec = NodeSpec {
-            name: "Doomed",
-            group: "plain",
-            doc: "",
-            source: "",
-            inputs: &[],
-            outputs: &[output("out", Kind::SCALAR, Quantity::CURRENT, "")],
-            example: "",
-        };
-
         fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
             Ok(Built::new(Self))
         }

@@ -4,10 +4,10 @@ use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach, Solenoid
 use super::limit::CurrentLimitSettings;
 use crate::texture::load_surface;
 use crate::vector::norm;
-use haptograph_engine::frame::{Kind, Scalar, Vector};
+use haptograph_engine::frame::{Scalar, Vector};
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, LiveId, NodeKind, NodeSpec, Output,
-    OutputRole, Processor, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Built, Io, Limit, LiveId, NodeKind, OutputRole, Port, Processor,
+    Tick,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::MillimetresPerSecond;
@@ -62,51 +62,34 @@ impl BrakeControllerSettings {
     }
 }
 
-/// Controls the friction brake of a pen.
-pub struct BrakeController;
-
-impl NodeKind for BrakeController {
-    type Settings = BrakeControllerSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "BrakeController",
-        group: "actuators",
-        doc: "The brake current that makes the pen drag like a surface of a requested friction: by the experimental \
-              line, with a slow correction by the measured friction. It reports whether the requested friction can be rendered, and \
-              outputs zero while the modelled coil is too hot.",
-        source: "5.5, Eq. 5.5.9, 5.5.10 and 5.5.12",
-        inputs: &[
-            input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
-            input("friction", Kind::VECTOR, Quantity::FORCE, "Measured friction, N."),
-            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed along the surface, m/s."),
-        ],
-        outputs: &[
-            output("current", Kind::SCALAR, Quantity::CURRENT, "Current for the brake, A."),
-            output(
-                "measured",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "Measured coefficient of friction; it holds its last value at rest.",
-            )
-            .with_role(OutputRole::FrictionCoefficient),
-            output("trim", Kind::SCALAR, Quantity::NUMBER, "Correction of the coefficient."),
-            output(
-                "reach",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "0: the requested friction can be rendered; else why it cannot.",
-            )
+haptograph_engine::node! {
+    /// The brake current that makes the pen drag like a surface of a requested friction: by the experimental line, with a
+    /// slow correction by the measured friction. It reports whether the requested friction can be rendered, and outputs
+    /// zero while the modelled coil is too hot.
+    pub struct BrakeController(BrakeControllerSettings) in "actuators";
+    source: "5.5, Eq. 5.5.9, 5.5.10 and 5.5.12";
+    example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/t3-tile.ron")"#;
+    in LOAD: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    in FRICTION: Vector = Port::of(Quantity::FORCE, "Measured friction, N.");
+    in SPEED: Scalar = Port::of(Quantity::SPEED, "Speed along the surface, m/s.");
+    out CURRENT: Scalar = Port::of(Quantity::CURRENT, "Current for the brake, A.");
+    out MEASURED: Scalar =
+        Port::of(Quantity::NUMBER, "Measured coefficient of friction; it holds its last value at rest.")
+            .with_role(OutputRole::FrictionCoefficient);
+    out TRIM: Scalar = Port::of(Quantity::NUMBER, "Correction of the coefficient.");
+    out REACH: Scalar =
+        Port::of(Quantity::NUMBER, "0: the requested friction can be rendered; else why it cannot.")
             .with_role(OutputRole::Shortfall(&[
                 "the free pen has more than the requested friction",
                 "the current was at its limit",
                 "the plunger would have lifted the ball",
                 "the correction of the friction was at its limit",
                 "the coil was too hot",
-            ])),
-            output("coil", Kind::SCALAR, Quantity::TEMPERATURE, "Modelled temperature of the coil, K."),
-        ],
-        example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/t3-tile.ron")"#,
-    };
+            ]));
+    out COIL: Scalar = Port::of(Quantity::TEMPERATURE, "Modelled temperature of the coil, K.");
+}
 
+impl NodeKind for BrakeController {
     fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.coil.rearm_c > settings.coil.trip_c || settings.coil.ambient_c >= settings.coil.rearm_c {
             let message = "`rearm_c` has to lie above `ambient_c` and no higher than `trip_c`";
@@ -136,27 +119,6 @@ impl NodeKind for BrakeController {
             "request one within that range, or state `line_slope` and `line_offset` as measured on your pen",
         )]
     }
-}
-
-impl BrakeController {
-    const LOAD: Input<Self, Scalar> = Input::named("load");
-    const FRICTION: Input<Self, Vector> = Input::named("friction");
-    const SPEED: Input<Self, Scalar> = Input::named("speed");
-    const CURRENT: Output<Self, Scalar> = Output::named("current");
-    const MEASURED: Output<Self, Scalar> = Output::named("measured");
-    const TRIM: Output<Self, Scalar> = Output::named("trim");
-    const REACH: Output<Self, Scalar> = Output::named("reach");
-    const COIL: Output<Self, Scalar> = Output::named("coil");
-    const MU: LiveId<Self> = LiveId::named("mu");
-    const TRIM_PER_S: LiveId<Self> = LiveId::named("trim_per_s");
-    const MOST_TRIM: LiveId<Self> = LiveId::named("most_trim");
-    const MOST_CURRENT_A: LiveId<Self> = LiveId::named("most_current_a");
-    const LEAST_LOAD_N: LiveId<Self> = LiveId::named("least_load_n");
-    const LEAST_SPEED_MM_S: LiveId<Self> = LiveId::named("least_speed_mm_s");
-    const LINE_SLOPE: LiveId<Self> = LiveId::named("line_slope");
-    const LINE_OFFSET: LiveId<Self> = LiveId::named("line_offset");
-    const FORCE_N_PER_A2: LiveId<Self> = LiveId::named("force_n_per_a2");
-    const PLUNGER_N: LiveId<Self> = LiveId::named("plunger_n");
 }
 
 fn wanted(settings: &BrakeControllerSettings) -> Result<f64, BuildError> {
@@ -211,19 +173,19 @@ impl Processor<BrakeController> for Braking {
         }
     }
 
-    fn set(&mut self, setting: LiveId<BrakeController>, value: f64) {
+    fn set(&mut self, setting: LiveId<BrakeControllerSettings>, value: f64) {
         let brake = self.brake.settings_mut();
         match setting {
-            BrakeController::MU => self.wanted = value,
-            BrakeController::TRIM_PER_S => brake.trim_per_s = value,
-            BrakeController::MOST_TRIM => brake.most_trim = value,
-            BrakeController::MOST_CURRENT_A => brake.most_current_a = value,
-            BrakeController::LEAST_LOAD_N => brake.least_normal_n = value,
-            BrakeController::LEAST_SPEED_MM_S => brake.least_speed_m_s = value,
-            BrakeController::LINE_SLOPE => brake.solenoid.line_slope = value,
-            BrakeController::LINE_OFFSET => brake.solenoid.line_offset = value,
-            BrakeController::FORCE_N_PER_A2 => brake.solenoid.force_n_per_a2 = value,
-            BrakeController::PLUNGER_N => brake.solenoid.plunger_n = value,
+            BrakeControllerSettings::mu => self.wanted = value,
+            BrakeControllerSettings::trim_per_s => brake.trim_per_s = value,
+            BrakeControllerSettings::most_trim => brake.most_trim = value,
+            BrakeControllerSettings::most_current_a => brake.most_current_a = value,
+            BrakeControllerSettings::least_load_n => brake.least_normal_n = value,
+            BrakeControllerSettings::least_speed_mm_s => brake.least_speed_m_s = value,
+            BrakeControllerSettings::line_slope => brake.solenoid.line_slope = value,
+            BrakeControllerSettings::line_offset => brake.solenoid.line_offset = value,
+            BrakeControllerSettings::force_n_per_a2 => brake.solenoid.force_n_per_a2 = value,
+            BrakeControllerSettings::plunger_n => brake.solenoid.plunger_n = value,
             _ => {}
         }
     }
@@ -242,21 +204,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Drives the brake of a pen.
-pub struct BrakeSink;
+haptograph_engine::node! {
+    /// Drives the solenoid of the pen's brake by current, within limits that the graph has to state.
+    pub struct BrakeSink(BrakeSinkSettings) in "sinks";
+    source: "5.5";
+    example: r#""hold": BrakeSink(brake: "brake.current", endpoint: "pen", limit: (peak_a: 0.3, continuous_a: 0.3))"#;
+    in BRAKE: Scalar = Port::of(Quantity::CURRENT, "Requested current, A.");
+    out DELIVERED: Scalar = Port::of(Quantity::CURRENT, "Current after the limit, A.");
+}
 
 impl ActuatorKind for BrakeSink {
-    type Settings = BrakeSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "BrakeSink",
-        group: "sinks",
-        doc: "Drives the solenoid of the pen's brake by current, within limits that the graph has to state.",
-        source: "5.5",
-        inputs: &[input("brake", Kind::SCALAR, Quantity::CURRENT, "Requested current, A.")],
-        outputs: &[output("delivered", Kind::SCALAR, Quantity::CURRENT, "Current after the limit, A.")],
-        example: r#""hold": BrakeSink(brake: "brake.current", endpoint: "pen", limit: (peak_a: 0.3, continuous_a: 0.3))"#,
-    };
-
     fn limit(settings: &BrakeSinkSettings) -> Result<(f64, Limit), BuildError> {
         // The controller's thermal model would not include a gain here.
         Ok((1.0, settings.limit.limit()?))
@@ -266,6 +223,7 @@ impl ActuatorKind for BrakeSink {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     fn settings(mu: Option<f64>) -> BrakeControllerSettings {
@@ -338,7 +296,7 @@ mod tests {
         let out = bench.run(&[&vec![1.0; n], &[-0.3, 0.0, 0.0].repeat(n), &vec![0.05; n]]);
         assert!((out[1][n - 1] - 0.3).abs() < 1e-6, "measured");
         assert!(out[2][n - 1] > 0.01 && out[0][n - 1] > out[0][0]);
-        bench.set(BrakeController::MU, 0.9);
+        bench.set(BrakeControllerSettings::mu, 0.9);
         let out = bench.run(&[&[1.0], &[-0.3, 0.0, 0.0], &[0.05]]);
         assert!(out[3][0] >= 2.0, "out of reach");
         let refused = Bench::new::<BrakeController>(settings(None), 1000.0, &kinds).err();

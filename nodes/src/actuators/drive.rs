@@ -3,10 +3,9 @@
 use super::compensator::{CORNER_HZ, Compensator, CompensatorError, LEAST_CORNER_HZ, MOST_A_PER_M_S2};
 use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
-use haptograph_engine::frame::{Kind, Scalar};
+use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, Input, Io, Limit, LiveId, NodeKind, NodeSpec, Output,
-    Processor, Tick, input, output,
+    ActuatorKind, BuildContext, BuildError, Built, Io, Limit, LiveId, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -22,27 +21,17 @@ haptograph_engine::settings! {
     }
 }
 
-/// Computes the current for a requested acceleration.
-pub struct DynamicCompensator;
+haptograph_engine::node! {
+    /// Computes the current that makes the hand feel a requested acceleration: the inverse of a two-mass model of the
+    /// voice-coil actuator, in series with a high-pass of fourth order.
+    pub struct DynamicCompensator(DynamicCompensatorSettings) in "actuators";
+    source: "3.1.2; McMahan and Kuchenbecker 2014";
+    example: r#""drive": DynamicCompensator(acceleration: "texture.acceleration")"#;
+    in ACCELERATION: Scalar = Port::of(Quantity::ACCELERATION, "Requested acceleration, m/s2.");
+    out CURRENT: Scalar = Port::of(Quantity::CURRENT, "Current for the actuator, A.");
+}
 
 impl NodeKind for DynamicCompensator {
-    type Settings = DynamicCompensatorSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "DynamicCompensator",
-        group: "actuators",
-        doc: "Computes the current that makes the hand feel a requested acceleration: the inverse of a two-mass model \
-              of the voice-coil actuator, in series with a high-pass of fourth order.",
-        source: "3.1.2; McMahan and Kuchenbecker 2014",
-        inputs: &[input(
-            "acceleration",
-            Kind::SCALAR,
-            Quantity::ACCELERATION,
-            "Requested acceleration, m/s2.",
-        )],
-        outputs: &[output("current", Kind::SCALAR, Quantity::CURRENT, "Current for the actuator, A.")],
-        example: r#""drive": DynamicCompensator(acceleration: "texture.acceleration")"#,
-    };
-
     fn build(settings: DynamicCompensatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let model = settings.model.to_two_mass();
         let model = model.checked().map_err(|error| BuildError::at("model", error.to_string()))?;
@@ -78,12 +67,6 @@ impl NodeKind for DynamicCompensator {
     }
 }
 
-impl DynamicCompensator {
-    const ACCELERATION: Input<Self, Scalar> = Input::named("acceleration");
-    const CURRENT: Output<Self, Scalar> = Output::named("current");
-    const CORNER_HZ: LiveId<Self> = LiveId::named("corner_hz");
-}
-
 /// Highest vibration that fingers feel, Hz.
 const FELT_TO_HZ: f64 = 1000.0;
 
@@ -100,8 +83,8 @@ impl Processor<DynamicCompensator> for Compensating {
         self.compensator.process(current);
     }
 
-    fn set(&mut self, setting: LiveId<DynamicCompensator>, value: f64) {
-        if setting == DynamicCompensator::CORNER_HZ {
+    fn set(&mut self, setting: LiveId<DynamicCompensatorSettings>, value: f64) {
+        if setting == DynamicCompensatorSettings::corner_hz {
             self.compensator.turn(value);
         }
     }
@@ -121,22 +104,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Drives a voice-coil actuator.
-pub struct ActuatorSink;
+haptograph_engine::node! {
+    /// Drives a voice-coil actuator by current, within limits that the graph has to state. NaN and infinity become zero.
+    pub struct ActuatorSink(ActuatorSinkSettings) in "sinks";
+    source: "3.1.3";
+    example: r#""out": ActuatorSink(current: "drive.current", endpoint: "haptuator", limit: (peak_a: 0.5, continuous_a: 0.25))"#;
+    in CURRENT: Scalar = Port::of(Quantity::CURRENT, "Requested current, A.");
+    out DELIVERED: Scalar = Port::of(Quantity::CURRENT, "Current after the limit, A.");
+}
 
 impl ActuatorKind for ActuatorSink {
-    type Settings = ActuatorSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ActuatorSink",
-        group: "sinks",
-        doc: "Drives a voice-coil actuator by current, within limits that the graph has to state. NaN and infinity \
-              become zero.",
-        source: "3.1.3",
-        inputs: &[input("current", Kind::SCALAR, Quantity::CURRENT, "Requested current, A.")],
-        outputs: &[output("delivered", Kind::SCALAR, Quantity::CURRENT, "Current after the limit, A.")],
-        example: r#""out": ActuatorSink(current: "drive.current", endpoint: "haptuator", limit: (peak_a: 0.5, continuous_a: 0.25))"#,
-    };
-
     fn limit(settings: &ActuatorSinkSettings) -> Result<(f64, Limit), BuildError> {
         Ok((settings.gain, settings.limit.limit()?))
     }
@@ -145,6 +122,7 @@ impl ActuatorKind for ActuatorSink {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -1,8 +1,8 @@
 //! The sink that drives an arm.
 
 use super::limit::ForceLimitSettings;
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{ActuatorKind, BuildError, Limit, NodeSpec, input, output};
+use haptograph_engine::frame::Vector;
+use haptograph_engine::node::{ActuatorKind, BuildError, Limit, Port};
 use haptograph_signal::quantity::Quantity;
 
 haptograph_engine::settings! {
@@ -15,21 +15,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Drives an arm by force.
-pub struct ForceSink;
+haptograph_engine::node! {
+    /// Drives an arm by force, within limits that the graph has to state. NaN and infinity become zero.
+    pub struct ForceSink(ForceSinkSettings) in "sinks";
+    source: "4.3";
+    example: r#""push": ForceSink(force: "total.output", endpoint: "arm", limit: (peak_n: 3.3, continuous_n: 0.88))"#;
+    in FORCE: Vector = Port::of(Quantity::FORCE, "Requested force on the hand, N.");
+    out DELIVERED: Vector = Port::of(Quantity::FORCE, "Force after the limit, N.");
+}
 
 impl ActuatorKind for ForceSink {
-    type Settings = ForceSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ForceSink",
-        group: "sinks",
-        doc: "Drives an arm by force, within limits that the graph has to state. NaN and infinity become zero.",
-        source: "4.3",
-        inputs: &[input("force", Kind::VECTOR, Quantity::FORCE, "Requested force on the hand, N.")],
-        outputs: &[output("delivered", Kind::VECTOR, Quantity::FORCE, "Force after the limit, N.")],
-        example: r#""push": ForceSink(force: "total.output", endpoint: "arm", limit: (peak_n: 3.3, continuous_n: 0.88))"#,
-    };
-
     fn limit(settings: &ForceSinkSettings) -> Result<(f64, Limit), BuildError> {
         Ok((settings.gain, settings.limit.limit()?))
     }

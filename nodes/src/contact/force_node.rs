@@ -3,10 +3,9 @@
 use super::Contact;
 use super::stiffness::Wall;
 use crate::vector::scale;
-use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
+use haptograph_engine::frame::{Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Optional, Output, Processor,
-    Tick, input, output,
+    BuildContext, BuildError, Built, Io, LiveId, NodeKind, Optional, Port, Processor, Tick,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::NewtonsPerMillimetre;
@@ -23,29 +22,19 @@ haptograph_engine::settings! {
     }
 }
 
-/// The normal force of a surface.
-pub struct NormalForce;
+haptograph_engine::node! {
+    /// The force of a surface on the tool along its normal, by Hooke's law, with optional damping. It pushes and never
+    /// pulls. With the device's damping given, a warning reports a wall that is not passive, b <= K T / 2 + B.
+    pub struct NormalForce(NormalForceSettings) in "contact";
+    source: "4.3, A.3.2; Colgate and Schenkel 1997";
+    example: r#""normal": NormalForce(contact: "touch.contact", stiffness_n_per_mm: 0.25)"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    in VELOCITY: Vector, Optional = Port::of(Quantity::SPEED, "Velocity of the tool, m/s, for the damping.");
+    out FORCE: Vector = Port::of(Quantity::FORCE, "Force on the tool, N.");
+    out LOAD: Scalar = Port::of(Quantity::FORCE, "Its magnitude, N.");
+}
 
 impl NodeKind for NormalForce {
-    type Settings = NormalForceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "NormalForce",
-        group: "contact",
-        doc: "The force of a surface on the tool along its normal, by Hooke's law, with optional damping. It pushes \
-              and never pulls. With the device's damping given, a warning reports a wall that is not passive, b <= K T / 2 + B.",
-        source: "4.3, A.3.2; Colgate and Schenkel 1997",
-        inputs: &[
-            input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
-            input("velocity", Kind::VECTOR, Quantity::SPEED, "Velocity of the tool, m/s, for the damping.")
-                .optional(),
-        ],
-        outputs: &[
-            output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N."),
-            output("load", Kind::SCALAR, Quantity::FORCE, "Its magnitude, N."),
-        ],
-        example: r#""normal": NormalForce(contact: "touch.contact", stiffness_n_per_mm: 0.25)"#,
-    };
-
     fn build(settings: NormalForceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.damping_n_s_per_m > 0.0 && !cx.is_connected(Self::VELOCITY) {
             let message = "damping needs the velocity of the tool";
@@ -74,15 +63,6 @@ impl NodeKind for NormalForce {
     }
 }
 
-impl NormalForce {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const VELOCITY: Input<Self, Vector, Optional> = Input::named("velocity");
-    const FORCE: Output<Self, Vector> = Output::named("force");
-    const LOAD: Output<Self, Scalar> = Output::named("load");
-    const STIFFNESS_N_PER_MM: LiveId<Self> = LiveId::named("stiffness_n_per_mm");
-    const DAMPING_N_S_PER_M: LiveId<Self> = LiveId::named("damping_n_s_per_m");
-}
-
 fn wall(settings: &NormalForceSettings) -> Wall {
     Wall {
         stiffness_n_per_m: settings.stiffness_n_per_mm.si(),
@@ -107,10 +87,10 @@ impl Processor<NormalForce> for Pushing {
         }
     }
 
-    fn set(&mut self, setting: LiveId<NormalForce>, value: f64) {
+    fn set(&mut self, setting: LiveId<NormalForceSettings>, value: f64) {
         match setting {
-            NormalForce::STIFFNESS_N_PER_MM => self.wall.stiffness_n_per_m = value,
-            NormalForce::DAMPING_N_S_PER_M => self.wall.damping_n_s_per_m = value,
+            NormalForceSettings::stiffness_n_per_mm => self.wall.stiffness_n_per_m = value,
+            NormalForceSettings::damping_n_s_per_m => self.wall.damping_n_s_per_m = value,
             _ => {}
         }
     }
@@ -119,6 +99,7 @@ impl Processor<NormalForce> for Pushing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::OneKind;
     use haptograph_engine::frame::Record;
     use haptograph_engine::testing::Bench;
     use haptograph_signal::time::Rate;
@@ -137,7 +118,7 @@ mod tests {
             Contact { touching: true, penetration_m: 0.004, normal: [0.0, 0.0, 1.0], ..Contact::default() };
         let mut bench = Bench::new::<NormalForce>(settings(0.25, 0.0), 1000.0, &[Contact::KIND]).unwrap();
         assert_eq!(bench.run(&[&contact.to_components()]), vec![vec![0.0, 0.0, 1.0], vec![1.0]]);
-        bench.set(NormalForce::STIFFNESS_N_PER_MM, 500.0);
+        bench.set(NormalForceSettings::stiffness_n_per_mm, 500.0);
         assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
         let free = Contact::default().to_components();
         assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);

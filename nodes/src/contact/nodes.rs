@@ -5,10 +5,8 @@ use super::mesh::{MeshFormat, TriangleMesh};
 use super::shape::{Scene, Shape as SolidShape, ShapeError};
 use crate::vector::Vec3;
 use haptograph_engine::document::value::{Shape, Value};
-use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
-};
+use haptograph_engine::frame::{Record, Scalar, Vector};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, Tick};
 use haptograph_engine::settings::{Expected, NoSettings, Part, Reading, Setting};
 use haptograph_signal::files;
 use haptograph_signal::quantity::Quantity;
@@ -154,32 +152,20 @@ haptograph_engine::settings! {
     }
 }
 
-/// Contact with one shape or several, `Contact` in graph files.
-pub struct ContactNode;
+haptograph_engine::node! {
+    /// Contact of a tool with a plane, a sphere, a box, a room or a triangle mesh, or with several of them at once, of
+    /// which the deepest contact applies. HIP and IHIP are positions of the centre of the ball at the tool's tip. A mesh
+    /// comes from an STL or OBJ file and is touched by a point only, `proxy_diameter_mm: 0`; the god-object proxy never
+    /// passes through one of its triangles.
+    pub struct ContactNode as "Contact"(ContactSettings) in "contact";
+    source: "4.3, 4.5.2, A.3.2; Zilles and Salisbury 1995";
+    example: r#""touch": Contact(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#;
+    in POSITION: Vector = Port::of(Quantity::LENGTH, "Position of the tool (HIP), m.");
+    out CONTACT: Contact = Port::of(Quantity::NUMBER, "HIP, IHIP, penetration, outward normal and face.");
+    out SOLID: Scalar = Port::of(Quantity::NUMBER, "Index of the touched shape, from 0.");
+}
 
 impl NodeKind for ContactNode {
-    type Settings = ContactSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Contact",
-        group: "contact",
-        doc: "Contact of a tool with a plane, a sphere, a box, a room or a triangle mesh, or with several of them at once, \
-              of which the deepest contact applies. HIP and IHIP are positions of the centre of the ball at the tool's tip. \
-              A mesh comes from an STL or OBJ file and is touched by a point only, `proxy_diameter_mm: 0`; the god-object \
-              proxy never passes through one of its triangles.",
-        source: "4.3, 4.5.2, A.3.2; Zilles and Salisbury 1995",
-        inputs: &[input("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tool (HIP), m.")],
-        outputs: &[
-            output(
-                "contact",
-                Contact::KIND,
-                Quantity::NUMBER,
-                "HIP, IHIP, penetration, outward normal and face.",
-            ),
-            output("solid", Kind::SCALAR, Quantity::NUMBER, "Index of the touched shape, from 0."),
-        ],
-        example: r#""touch": Contact(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#,
-    };
-
     fn build(settings: ContactSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (Solids(solids), proxy_diameter_m) = (settings.solids, settings.proxy_diameter_mm.si());
         if solids.is_empty() {
@@ -209,12 +195,6 @@ fn at(error: ShapeError, place: usize) -> BuildError {
     BuildError::at(own, error.to_string()).inside("solids", place)
 }
 
-impl ContactNode {
-    const POSITION: Input<Self, Vector> = Input::named("position");
-    const CONTACT: Output<Self, Contact> = Output::named("contact");
-    const SOLID: Output<Self, Scalar> = Output::named("solid");
-}
-
 #[derive(Debug, Clone)]
 struct Toucher {
     scene: Scene,
@@ -236,40 +216,23 @@ impl Processor<ContactNode> for Toucher {
     }
 }
 
-/// The components of a contact.
-#[derive(Debug, Clone, Copy)]
-pub struct ContactParts;
+haptograph_engine::node! {
+    /// The components of a contact as separate signals.
+    pub struct ContactParts(NoSettings) in "contact";
+    source: "4.3";
+    example: r#""parts": ContactParts(contact: "touch.contact")"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    out TOUCHING: Scalar = Port::of(Quantity::NUMBER, "1 while the tool touches, else 0.");
+    out HIP: Vector = Port::of(Quantity::LENGTH, "Haptic interface point: position of the tool, m.");
+    out IHIP: Vector = Port::of(Quantity::LENGTH, "Ideal haptic interface point: the proxy, m.");
+    out NORMAL: Vector = Port::of(Quantity::NUMBER, "Outward unit normal; zero in free space.");
+    out PENETRATION: Scalar = Port::of(Quantity::LENGTH, "Distance from HIP to IHIP, m.");
+}
 
 impl NodeKind for ContactParts {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactParts",
-        group: "contact",
-        doc: "The components of a contact as separate signals.",
-        source: "4.3",
-        inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
-        outputs: &[
-            output("touching", Kind::SCALAR, Quantity::NUMBER, "1 while the tool touches, else 0."),
-            output("hip", Kind::VECTOR, Quantity::LENGTH, "Haptic interface point: position of the tool, m."),
-            output("ihip", Kind::VECTOR, Quantity::LENGTH, "Ideal haptic interface point: the proxy, m."),
-            output("normal", Kind::VECTOR, Quantity::NUMBER, "Outward unit normal; zero in free space."),
-            output("penetration", Kind::SCALAR, Quantity::LENGTH, "Distance from HIP to IHIP, m."),
-        ],
-        example: r#""parts": ContactParts(contact: "touch.contact")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(ContactParts))
     }
-}
-
-impl ContactParts {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const TOUCHING: Output<Self, Scalar> = Output::named("touching");
-    const HIP: Output<Self, Vector> = Output::named("hip");
-    const IHIP: Output<Self, Vector> = Output::named("ihip");
-    const NORMAL: Output<Self, Vector> = Output::named("normal");
-    const PENETRATION: Output<Self, Scalar> = Output::named("penetration");
 }
 
 impl Processor<ContactParts> for ContactParts {
@@ -296,6 +259,7 @@ impl Processor<ContactParts> for ContactParts {
 mod tests {
     use super::*;
     use crate::vector::{add_scaled, norm};
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     fn bench(solids: Vec<Solid>, proxy_diameter_mm: f64) -> Result<Bench, BuildError> {

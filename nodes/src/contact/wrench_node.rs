@@ -8,10 +8,10 @@ use crate::filters::design_error;
 use crate::sensing::speed::SpeedFilter;
 use crate::simulated::force_sensor::ForceSensorSettings;
 use crate::vector::{cross, norm};
-use haptograph_engine::frame::{Kind, OneKind, Record, Scalar, Vector, Wrench};
+use haptograph_engine::frame::{Record, Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Optional, Output,
-    OutputRole, Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Io, Latency, LiveId, NodeKind, Optional, OutputRole, Port, Processor,
+    Tick,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Millimetres, NewtonMillimetres};
@@ -36,70 +36,32 @@ haptograph_engine::settings! {
     }
 }
 
-/// Locates the contact of a tool with an object on a sensor.
-pub struct ContactFromWrench;
+haptograph_engine::node! {
+    /// Locates the contact of a tool with an object on a force/torque sensor: the line of action of the force meets the
+    /// object's surface at the contact. The object has to be convex; a concave one is an error that names the edge that
+    /// makes it concave. Any tool works. A tick visits at most 4096 boxes of the object's hierarchy and twice its
+    /// triangles, whatever the wrench.
+    pub struct ContactFromWrench(ContactFromWrenchSettings) in "contact";
+    source: "5.2, Eq. 5.2.1 to 5.2.4";
+    example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#;
+    in WRENCH: Wrench = Port::of(Quantity::FORCE, "Wrench on the object in the sensor's frame, N and N m.");
+    out CONTACT: Contact =
+        Port::of(Quantity::NUMBER, "Point, outward normal and face; there is no penetration.");
+    out LOAD: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out FRICTION: Vector = Port::of(Quantity::FORCE, "Friction on the tool, N.");
+    out RESIDUAL: Scalar = Port::of(Quantity::LENGTH, "|F . M| / |F|^2, m: zero for contact in one point.");
+    out UNCERTAINTY: Scalar =
+        Port::of(Quantity::LENGTH, "Uncertainty of the line of action, across it, m (Eq. 5.2.4).");
+    out MISS: Scalar =
+        Port::of(Quantity::LENGTH, "Distance by which the line of action misses the object, m.");
+    out POINT_UNCERTAINTY: Scalar =
+        Port::of(Quantity::LENGTH, "Uncertainty of the point, m: Eq. 5.2.4 with the lever from the sensor \
+                                    to the point, as the direction of the force is uncertain too.");
+    out SATURATED: Scalar =
+        Port::of(Quantity::NUMBER, "1 while a torque is at the end of the sensor's range, where the point is wrong; else 0.").with_role(OutputRole::Shortfall(&["a torque was at the end of the sensor's range"]));
+}
 
 impl NodeKind for ContactFromWrench {
-    type Settings = ContactFromWrenchSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactFromWrench",
-        group: "contact",
-        doc: "Locates the contact of a tool with an object on a force/torque sensor: the line of action of the force \
-              meets the object's surface at the contact. The object has to be convex; a concave one is an error that \
-              names the edge that makes it concave. Any tool works. A tick visits at most 4096 boxes of the object's \
-              hierarchy and twice its triangles, whatever the wrench.",
-        source: "5.2, Eq. 5.2.1 to 5.2.4",
-        inputs: &[input(
-            "wrench",
-            Kind::WRENCH,
-            Quantity::FORCE,
-            "Wrench on the object in the sensor's frame, N and N m.",
-        )],
-        outputs: &[
-            output(
-                "contact",
-                Contact::KIND,
-                Quantity::NUMBER,
-                "Point, outward normal and face; there is no penetration.",
-            ),
-            output("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
-            output("friction", Kind::VECTOR, Quantity::FORCE, "Friction on the tool, N."),
-            output(
-                "residual",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "|F . M| / |F|^2, m: zero for contact in one point.",
-            ),
-            output(
-                "uncertainty",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "Uncertainty of the line of action, across it, m (Eq. 5.2.4).",
-            ),
-            output(
-                "miss",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "Distance by which the line of action misses the object, m.",
-            ),
-            output(
-                "point_uncertainty",
-                Kind::SCALAR,
-                Quantity::LENGTH,
-                "Uncertainty of the point, m: Eq. 5.2.4 with the lever from the sensor to the point, as the direction of \
-                 the force is uncertain too.",
-            ),
-            output(
-                "saturated",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "1 while a torque is at the end of the sensor's range, where the point is wrong; else 0.",
-            )
-            .with_role(OutputRole::Shortfall(&["a torque was at the end of the sensor's range"])),
-        ],
-        example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#,
-    };
-
     fn build(settings: ContactFromWrenchSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let object = on_sensor(&settings.object, settings.height_mm.si())?;
         let measured = WrenchSettings {
@@ -135,22 +97,6 @@ impl NodeKind for ContactFromWrench {
             "take a smaller object, or state `most_torque_n_mm` of your sensor or the `press_n` that is expected",
         )]
     }
-}
-
-impl ContactFromWrench {
-    const WRENCH: Input<Self, Wrench> = Input::named("wrench");
-    const CONTACT: Output<Self, Contact> = Output::named("contact");
-    const LOAD: Output<Self, Scalar> = Output::named("load");
-    const FRICTION: Output<Self, Vector> = Output::named("friction");
-    const RESIDUAL: Output<Self, Scalar> = Output::named("residual");
-    const UNCERTAINTY: Output<Self, Scalar> = Output::named("uncertainty");
-    const MISS: Output<Self, Scalar> = Output::named("miss");
-    const POINT_UNCERTAINTY: Output<Self, Scalar> = Output::named("point_uncertainty");
-    const SATURATED: Output<Self, Scalar> = Output::named("saturated");
-    const MOST_TORQUE_N_MM: LiveId<Self> = LiveId::named("most_torque_n_mm");
-    const THRESHOLD_N: LiveId<Self> = LiveId::named("threshold_n");
-    const FORCE_STEP_N: LiveId<Self> = LiveId::named("force_step_n");
-    const TORQUE_STEP_N_MM: LiveId<Self> = LiveId::named("torque_step_n_mm");
 }
 
 #[derive(Debug, Clone)]
@@ -198,13 +144,13 @@ impl Processor<ContactFromWrench> for Locating {
         }
     }
 
-    fn set(&mut self, setting: LiveId<ContactFromWrench>, value: f64) {
+    fn set(&mut self, setting: LiveId<ContactFromWrenchSettings>, value: f64) {
         let measured = self.locator.settings_mut();
         match setting {
-            ContactFromWrench::THRESHOLD_N => measured.threshold_n = value,
-            ContactFromWrench::FORCE_STEP_N => measured.force_step_n = value,
-            ContactFromWrench::TORQUE_STEP_N_MM => measured.torque_step_n_m = value,
-            ContactFromWrench::MOST_TORQUE_N_MM => self.most_torque_n_m = value,
+            ContactFromWrenchSettings::threshold_n => measured.threshold_n = value,
+            ContactFromWrenchSettings::force_step_n => measured.force_step_n = value,
+            ContactFromWrenchSettings::torque_step_n_mm => measured.torque_step_n_m = value,
+            ContactFromWrenchSettings::most_torque_n_mm => self.most_torque_n_m = value,
             _ => {}
         }
     }
@@ -224,56 +170,26 @@ haptograph_engine::settings! {
     }
 }
 
-/// The speed of a contact along a surface with edges.
-pub struct SurfaceSpeed;
+haptograph_engine::node! {
+    /// The speed of a point of contact along a surface, over its edges: two points on faces that meet at an angle are as
+    /// far apart as when the faces are laid flat. Jitter within the point's uncertainty does not count as motion.
+    pub struct SurfaceSpeed(SurfaceSpeedSettings) in "sensing";
+    source: "5.2.3";
+    example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.point_uncertainty")"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    in UNCERTAINTY: Scalar, Optional = Port::of(Quantity::LENGTH, "Uncertainty of the point, m.");
+    out SPEED: Scalar = Port::of(Quantity::SPEED, "Speed along the surface, m/s; zero in free space.");
+    out ALONG: Vector = Port::of(Quantity::SPEED, "Velocity in the tangent plane, m/s; zero in free space.");
+    out WAY: Scalar = Port::of(Quantity::LENGTH, "Length of the path so far, m.");
+}
 
 impl NodeKind for SurfaceSpeed {
-    type Settings = SurfaceSpeedSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SurfaceSpeed",
-        group: "sensing",
-        doc: "The speed of a point of contact along a surface, over its edges: two points on faces that meet at an \
-              angle are as far apart as when the faces are laid flat. Jitter within the point's uncertainty does not \
-              count as motion.",
-        source: "5.2.3",
-        inputs: &[
-            input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
-            input("uncertainty", Kind::SCALAR, Quantity::LENGTH, "Uncertainty of the point, m.").optional(),
-        ],
-        outputs: &[
-            output(
-                "speed",
-                Kind::SCALAR,
-                Quantity::SPEED,
-                "Speed along the surface, m/s; zero in free space.",
-            ),
-            output(
-                "along",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "Velocity in the tangent plane, m/s; zero in free space.",
-            ),
-            output("way", Kind::SCALAR, Quantity::LENGTH, "Length of the path so far, m."),
-        ],
-        example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.point_uncertainty")"#,
-    };
-
     fn build(settings: SurfaceSpeedSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let filter = SpeedFilter::Butterworth { order: 2, cutoff_hz: settings.cutoff_hz };
         let path =
             SurfacePath::new(filter, settings.leash, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
         Ok(Built::new(Following { path }))
     }
-}
-
-impl SurfaceSpeed {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const UNCERTAINTY: Input<Self, Scalar, Optional> = Input::named("uncertainty");
-    const SPEED: Output<Self, Scalar> = Output::named("speed");
-    const ALONG: Output<Self, Vector> = Output::named("along");
-    const WAY: Output<Self, Scalar> = Output::named("way");
-    const CUTOFF_HZ: LiveId<Self> = LiveId::named("cutoff_hz");
-    const LEASH: LiveId<Self> = LiveId::named("leash");
 }
 
 #[derive(Debug, Clone)]
@@ -309,10 +225,10 @@ impl Processor<SurfaceSpeed> for Following {
         }
     }
 
-    fn set(&mut self, setting: LiveId<SurfaceSpeed>, value: f64) {
+    fn set(&mut self, setting: LiveId<SurfaceSpeedSettings>, value: f64) {
         match setting {
-            SurfaceSpeed::CUTOFF_HZ => self.path.turn(value),
-            SurfaceSpeed::LEASH => self.path.set_leash(value),
+            SurfaceSpeedSettings::cutoff_hz => self.path.turn(value),
+            SurfaceSpeedSettings::leash => self.path.set_leash(value),
             _ => {}
         }
     }
@@ -330,6 +246,7 @@ impl Processor<SurfaceSpeed> for Following {
 mod tests {
     use super::*;
     use crate::vector::cross;
+    use haptograph_engine::frame::{Kind, OneKind};
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -1,11 +1,11 @@
 //! Classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Fallback, InputSpec, LiveId, NodeKind, NodeSpec, any_input, output_like,
-};
+use haptograph_engine::frame::{Linear, Scalar};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Fallback, Input, NodeKind, Optional, Port};
 use haptograph_signal::filter::{DesignError, Prototype};
 
-use super::{FilterKind, Frequency, LaneFilter, design_error, frequency_input};
+use super::{FilterKind, Frequency, LaneFilter, Through, design_error};
+use haptograph_signal::quantity::Quantity;
 
 haptograph_engine::settings! {
     /// Settings of a low-pass or high-pass.
@@ -17,28 +17,25 @@ haptograph_engine::settings! {
     }
 }
 
-const CUTOFF_INPUTS: &[InputSpec] = &[
-    any_input("input", "The signal."),
-    frequency_input(
-        "cutoff",
-        "Replaces `cutoff_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored. Each \
-         change redesigns the filter at its tick. The group delay is then not counted in the latency.",
-    ),
-];
+const CUTOFF: Port = Port::of(
+    Quantity::FREQUENCY,
+    "Replaces `cutoff_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored. Each \
+     change redesigns the filter at its tick. The group delay is then not counted in the latency.",
+);
 
 /// The cut-off of a filter that has one.
-const fn cutoff_of<K: NodeKind<Settings = CutoffSettings>>() -> Fallback<K> {
-    Fallback::named("cutoff", "cutoff_hz")
+const fn cutoff_of<K: NodeKind<Settings = CutoffSettings>>(input: Input<K, Scalar, Optional>) -> Fallback<K> {
+    Fallback::new(input, CutoffSettings::cutoff_hz)
 }
 
 /// A filter of one cut-off; `passband` maps the cut-off to a frequency of the pass band.
 fn of_cutoff<K: FilterKind<Settings = CutoffSettings>>(
     prototype: Result<Prototype, DesignError>,
+    cutoff: Fallback<K>,
     cutoff_hz: Option<f64>,
     cx: &BuildContext,
     passband_hz: impl Fn(f64) -> f64,
 ) -> Result<Built<K>, BuildError> {
-    let cutoff = const { cutoff_of::<K>() };
     let cutoff_hz = cutoff.value(cutoff_hz, cx)?.unwrap_or(START * cx.rate.hz());
     let passband_hz = passband_hz(cutoff_hz);
     let filter =
@@ -49,70 +46,62 @@ fn of_cutoff<K: FilterKind<Settings = CutoffSettings>>(
 /// Fraction of the rate: cut-off of a filter before its frequency signal is finite.
 const START: f64 = 0.01;
 
-/// Butterworth low-pass.
-pub struct LowPass;
+haptograph_engine::node! {
+    /// Butterworth low-pass: maximally flat magnitude, unit gain at 0 Hz. A change of the cut-off keeps its state: a
+    /// constant stays constant.
+    pub struct LowPass(CutoffSettings) in "filters";
+    source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
+    example: r#""smooth": LowPass(input: "sensor.force", cutoff_hz: 20.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in CUTOFF: Scalar, Optional = CUTOFF;
+    out OUTPUT: Linear = Port::like("input", "The signal below the cut-off.");
+}
 
 impl NodeKind for LowPass {
-    type Settings = CutoffSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "LowPass",
-        group: "filters",
-        doc: "Butterworth low-pass: maximally flat magnitude, unit gain at 0 Hz. A change of the cut-off keeps its \
-              state: a constant stays constant.",
-        source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
-        inputs: CUTOFF_INPUTS,
-        outputs: &[output_like("output", "input", "The signal below the cut-off.")],
-        example: r#""smooth": LowPass(input: "sensor.force", cutoff_hz: 20.0)"#,
-    };
-
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::butterworth_lowpass(order as usize);
-        of_cutoff::<Self>(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
+        of_cutoff(prototype, cutoff_of(Self::CUTOFF), cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
     }
 
     fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
-        let cutoff = const { cutoff_of::<Self>() };
-        cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
+        cutoff_of(Self::CUTOFF).advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
 impl FilterKind for LowPass {
-    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of())];
+    const PORTS: Through<Self> = (Self::INPUT, Self::OUTPUT);
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of(Self::CUTOFF))];
 }
 
-/// Butterworth high-pass.
-pub struct HighPass;
+haptograph_engine::node! {
+    /// Butterworth high-pass: maximally flat magnitude, unit gain at half the rate. A change of the cut-off keeps its
+    /// state.
+    pub struct HighPass(CutoffSettings) in "filters";
+    source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
+    example: r#""vibration": HighPass(input: "sensor.acceleration", cutoff_hz: 20.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in CUTOFF: Scalar, Optional = CUTOFF;
+    out OUTPUT: Linear = Port::like("input", "The signal above the cut-off.");
+}
 
 impl NodeKind for HighPass {
-    type Settings = CutoffSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "HighPass",
-        group: "filters",
-        doc: "Butterworth high-pass: maximally flat magnitude, unit gain at half the rate. A change of the cut-off keeps \
-              its state.",
-        source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
-        inputs: CUTOFF_INPUTS,
-        outputs: &[output_like("output", "input", "The signal above the cut-off.")],
-        example: r#""vibration": HighPass(input: "sensor.acceleration", cutoff_hz: 20.0)"#,
-    };
-
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::butterworth_highpass(order as usize);
         // The geometric mean of the pass band.
         let middle_hz = |cutoff_hz: f64| (cutoff_hz * 0.5 * cx.rate.hz()).sqrt();
-        of_cutoff::<Self>(prototype, cutoff_hz, cx, middle_hz)
+        of_cutoff(prototype, cutoff_of(Self::CUTOFF), cutoff_hz, cx, middle_hz)
     }
 
     fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
-        let cutoff = const { cutoff_of::<Self>() };
-        cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
+        cutoff_of(Self::CUTOFF).advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
 impl FilterKind for HighPass {
-    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of())];
+    const PORTS: Through<Self> = (Self::INPUT, Self::OUTPUT);
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of(Self::CUTOFF))];
 }
 
 haptograph_engine::settings! {
@@ -127,32 +116,24 @@ haptograph_engine::settings! {
     }
 }
 
-const LOW: Fallback<BandPass> = Fallback::named("low", "low_hz");
-const HIGH: Fallback<BandPass> = Fallback::named("high", "high_hz");
+const LOW: Fallback<BandPass> = Fallback::new(BandPass::LOW, BandPassSettings::low_hz);
+const HIGH: Fallback<BandPass> = Fallback::new(BandPass::HIGH, BandPassSettings::high_hz);
 
-/// Butterworth band-pass.
-pub struct BandPass;
+haptograph_engine::node! {
+    /// Butterworth band-pass: unit gain in the middle of the band. A change of its edges keeps its state; if `low` is not
+    /// below `high`, the filter does not change.
+    pub struct BandPass(BandPassSettings) in "filters";
+    source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
+    example: r#""felt": BandPass(input: "texture.acceleration", low_hz: 20.0, high_hz: 400.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in LOW: Scalar, Optional =
+        Port::of(Quantity::FREQUENCY, "Replaces `low_hz`, clamped from a millionth to 0.45 of the rate; \
+                                       NaN and infinity are ignored.");
+    in HIGH: Scalar, Optional = Port::of(Quantity::FREQUENCY, "Replaces `high_hz`, likewise.");
+    out OUTPUT: Linear = Port::like("input", "The signal within the band.");
+}
 
 impl NodeKind for BandPass {
-    type Settings = BandPassSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "BandPass",
-        group: "filters",
-        doc: "Butterworth band-pass: unit gain in the middle of the band. A change of its edges keeps its state; \
-              if `low` is not below `high`, the filter does not change.",
-        source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
-        inputs: &[
-            any_input("input", "The signal."),
-            frequency_input(
-                "low",
-                "Replaces `low_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored.",
-            ),
-            frequency_input("high", "Replaces `high_hz`, likewise."),
-        ],
-        outputs: &[output_like("output", "input", "The signal within the band.")],
-        example: r#""felt": BandPass(input: "texture.acceleration", low_hz: 20.0, high_hz: 400.0)"#,
-    };
-
     fn build(settings: BandPassSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let low_hz = LOW.value(settings.low_hz, cx)?;
         let high_hz = HIGH.value(settings.high_hz, cx)?;
@@ -174,39 +155,36 @@ impl NodeKind for BandPass {
 }
 
 impl FilterKind for BandPass {
+    const PORTS: Through<Self> = (Self::INPUT, Self::OUTPUT);
     const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(LOW), Frequency::or_input(HIGH)];
 }
 
-/// Bessel low-pass.
-pub struct Bessel;
+haptograph_engine::node! {
+    /// Bessel low-pass: maximally flat delay, so that transients keep their shape. A change of the cut-off keeps its state:
+    /// a constant stays constant.
+    pub struct Bessel(CutoffSettings) in "filters";
+    source: "2.2; bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
+    example: r#""antialias": Bessel(input: "accelerometer.acceleration", cutoff_hz: 400.0, order: 5)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in CUTOFF: Scalar, Optional = CUTOFF;
+    out OUTPUT: Linear = Port::like("input", "The signal below the cut-off.");
+}
 
 impl NodeKind for Bessel {
-    type Settings = CutoffSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Bessel",
-        group: "filters",
-        doc: "Bessel low-pass: maximally flat delay, so that transients keep their shape. A change of the cut-off keeps \
-              its state: a constant stays constant.",
-        source: "2.2; bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
-        inputs: CUTOFF_INPUTS,
-        outputs: &[output_like("output", "input", "The signal below the cut-off.")],
-        example: r#""antialias": Bessel(input: "accelerometer.acceleration", cutoff_hz: 400.0, order: 5)"#,
-    };
-
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::bessel_lowpass(order as usize);
-        of_cutoff::<Self>(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
+        of_cutoff(prototype, cutoff_of(Self::CUTOFF), cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
     }
 
     fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
-        let cutoff = const { cutoff_of::<Self>() };
-        cutoff.advice(settings.cutoff_hz, cx).into_iter().collect()
+        cutoff_of(Self::CUTOFF).advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
 impl FilterKind for Bessel {
-    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of())];
+    const PORTS: Through<Self> = (Self::INPUT, Self::OUTPUT);
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::or_input(cutoff_of(Self::CUTOFF))];
 }
 
 haptograph_engine::settings! {
@@ -217,21 +195,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Two equal real poles.
-pub struct DoublePole;
+haptograph_engine::node! {
+    /// Low-pass with two equal real poles: no overshoot.
+    pub struct DoublePole(DoublePoleSettings) in "filters";
+    source: "the public haptic texture toolkit's filter for velocity (backward differences)";
+    example: r#""calm": DoublePole(input: "velocity.output", lambda_rad_s: 125.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "The smoothed signal.");
+}
 
 impl NodeKind for DoublePole {
-    type Settings = DoublePoleSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "DoublePole",
-        group: "filters",
-        doc: "Low-pass with two equal real poles: no overshoot.",
-        source: "the public haptic texture toolkit's filter for velocity (backward differences)",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The smoothed signal.")],
-        example: r#""calm": DoublePole(input: "velocity.output", lambda_rad_s: 125.0)"#,
-    };
-
     fn build(settings: DoublePoleSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let lambda = settings.lambda_rad_s;
         let passband_hz = 0.01 * lambda / std::f64::consts::TAU;
@@ -241,13 +214,15 @@ impl NodeKind for DoublePole {
 }
 
 impl FilterKind for DoublePole {
-    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::of(LiveId::named("lambda_rad_s"))];
+    const PORTS: Through<Self> = (Self::INPUT, Self::OUTPUT);
+    const FREQUENCIES: &[Frequency<Self>] = &[Frequency::of(DoublePoleSettings::lambda_rad_s)];
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use haptograph_engine::frame::Kind;
+    use haptograph_engine::node::LiveId;
     use haptograph_engine::testing::Bench;
     use std::f64::consts::TAU;
 
@@ -336,7 +311,7 @@ mod tests {
             let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::SCALAR]).unwrap();
             bench.run(&[&[1.0; 2000]]);
             for hz in [200.0, 1.0, 499.0, 600.0, f64::NAN, 40.0] {
-                bench.set(LiveId::<LowPass>::named("cutoff_hz"), hz);
+                bench.set(CutoffSettings::cutoff_hz, hz);
                 let y = bench.run(&[&[1.0; 100]]).remove(0);
                 assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-6), "{order} at {hz}");
             }
@@ -346,7 +321,7 @@ mod tests {
     #[test]
     fn edges_that_make_no_band_leave_the_last_one() {
         let band = BandPassSettings { low_hz: Some(40.0), high_hz: Some(90.0), order: 2 };
-        let run = |first: &[(LiveId<BandPass>, f64)]| {
+        let run = |first: &[(LiveId<BandPassSettings>, f64)]| {
             let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::SCALAR]).unwrap();
             first.iter().for_each(|(setting, hz)| bench.set(*setting, *hz));
             let x: Vec<f64> = (0..500).map(|k| f64::from(k % 17) - 8.0).collect();

@@ -2,8 +2,7 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, OutputFamily, Processor, Tick,
-    any_input, output_like,
+    BuildContext, BuildError, Built, Family, Io, Latency, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::filter::{Biquad, Sections, SectionsState, butterworth_highpass, butterworth_lowpass};
 
@@ -19,24 +18,20 @@ haptograph_engine::settings! {
     }
 }
 
-/// Linkwitz-Riley crossover of the fourth order.
-pub struct Crossover;
+haptograph_engine::node! {
+    /// Splits a signal into bands, such as those of an actuator and of a loudspeaker. The slopes have 24 dB per octave. The
+    /// sum of all bands is the input through an all-pass: every frequency has its magnitude, and neighbouring bands are in
+    /// phase. `names` names the outputs: `"bands.low"`. The stated group delay is that of the sum at low frequencies.
+    pub struct Crossover(CrossoverSettings) in "filters";
+    source: "Linkwitz and Riley, \"Active crossover networks for noncoincident drivers\", JAES 24(1), 1976; bilinear \
+                 transform, prewarped";
+    example: r#""bands": Crossover(input: "texture.acceleration", at_hz: [60.0, 250.0], names: ["low", "middle", "high"])"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out BANDS: Linear, Family =
+        Port::like("input", "The part of the signal within a band.").named_by("names");
+}
 
 impl NodeKind for Crossover {
-    type Settings = CrossoverSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Crossover",
-        group: "filters",
-        doc: "Splits a signal into bands, such as those of an actuator and of a loudspeaker. The slopes have 24 dB per octave. The \
-              sum of all bands is the input through an all-pass: every frequency has its magnitude, and neighbouring bands are in \
-              phase. `names` names the outputs: `\"bands.low\"`. The stated group delay is that of the sum at low frequencies.",
-        source: "Linkwitz and Riley, \"Active crossover networks for noncoincident drivers\", JAES 24(1), 1976; bilinear \
-                 transform, prewarped",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("bands", "input", "The part of the signal within a band.").named_by("names")],
-        example: r#""bands": Crossover(input: "texture.acceleration", at_hz: [60.0, 250.0], names: ["low", "middle", "high"])"#,
-    };
-
     fn members(settings: &CrossoverSettings) -> Result<Vec<String>, BuildError> {
         let (frequencies, names) = (settings.at_hz.len(), settings.names.len());
         if names != frequencies + 1 {
@@ -51,7 +46,7 @@ impl NodeKind for Crossover {
         refuse_disorder(&settings.at_hz)?;
         let crossings = settings.at_hz.iter().map(|at_hz| Crossing::at(*at_hz, cx.rate.hz()));
         let crossings: Vec<Crossing> = crossings.collect::<Result<_, _>>()?;
-        let width = cx.width(INPUT);
+        let width = cx.width(Crossover::INPUT);
         let all_pass = aligned(&crossings);
         let lowest_hz = settings.at_hz.first().copied().unwrap_or(0.0);
         Ok(Built::new(Bands {
@@ -66,12 +61,9 @@ impl NodeKind for Crossover {
         let crossings = settings.at_hz.len() as u64;
         let sections = 4 * crossings + crossings * crossings.saturating_sub(1) / 2;
         let section_bytes = (size_of::<Biquad>() + size_of::<[f64; 2]>()) as u64;
-        sections * section_bytes * cx.width(INPUT) as u64
+        sections * section_bytes * cx.width(Crossover::INPUT) as u64
     }
 }
-
-const INPUT: Input<Crossover, Linear> = Input::named("input");
-const BANDS: OutputFamily<Crossover, Linear> = OutputFamily::named("bands");
 
 /// Refuses frequencies that do not ascend from above zero.
 fn refuse_disorder(at_hz: &[f64]) -> Result<(), BuildError> {
@@ -144,13 +136,13 @@ struct Bands {
 
 impl Processor<Crossover> for Bands {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, Crossover>) {
-        let (x, width) = (io.read(INPUT), self.lanes.len());
+        let (x, width) = (io.read(Crossover::INPUT), self.lanes.len());
         let rest = &mut self.rest[..tick.frames];
         for (component, lane) in self.lanes.iter_mut().enumerate() {
             let component_of = x.iter().skip(component).step_by(width);
             rest.iter_mut().zip(component_of).for_each(|(rest, x)| *rest = *x);
             for (member, (low, high)) in lane.splits.iter_mut().enumerate() {
-                let y = io.write_member(BANDS, member);
+                let y = io.write_member(Crossover::BANDS, member);
                 match width {
                     1 => low.process(rest, y),
                     _ => {
@@ -161,7 +153,7 @@ impl Processor<Crossover> for Bands {
                 }
                 high.process_in_place(rest);
             }
-            put(rest, io.write_member(BANDS, lane.splits.len()), component, width);
+            put(rest, io.write_member(Crossover::BANDS, lane.splits.len()), component, width);
         }
     }
 

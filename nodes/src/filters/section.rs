@@ -1,14 +1,15 @@
 //! A second-order section, given by its response or by its coefficients.
 
-use haptograph_engine::frame::{Kind, Linear};
+use haptograph_engine::frame::{Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Fallback, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Output,
-    Processor, Tick, any_input, next_change, output_like,
+    BuildContext, BuildError, Built, Fallback, Io, Latency, LiveId, NodeKind, Optional, Port, Processor,
+    Tick, next_change,
 };
 use haptograph_signal::filter;
 use std::f64::consts::PI;
 
-use super::{FilterKind, LaneFilter, frequency_input, within};
+use super::{FilterKind, LaneFilter, Through, within};
+use haptograph_signal::quantity::Quantity;
 
 haptograph_engine::choices! {
     /// The response of a [`Biquad`].
@@ -36,30 +37,22 @@ haptograph_engine::settings! {
     }
 }
 
-const FREQUENCY: Fallback<Biquad> = Fallback::named("frequency", "frequency_hz");
+const FREQUENCY: Fallback<Biquad> = Fallback::new(Biquad::FREQUENCY, BiquadSettings::frequency_hz);
 
-/// A second-order filter with tunable frequency and quality.
-pub struct Biquad;
+haptograph_engine::node! {
+    /// A second-order filter whose frequency (cut-off) and quality can be turned while it runs, or swept by a signal.
+    pub struct Biquad(BiquadSettings) in "filters";
+    source: "trapezoidal state-variable filter (Zavalishin, Simper); bilinear transform, prewarped";
+    example: r#""ring": Biquad(input: "noise.output", shape: BandPass, frequency_hz: 250.0, q: 8.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in FREQUENCY: Scalar, Optional =
+        Port::of(Quantity::FREQUENCY, "Replaces `frequency_hz`, clamped from a millionth to 0.45 of the \
+                                       rate; NaN and infinity are ignored. The group delay is then not \
+                                       counted in the latency.");
+    out OUTPUT: Linear = Port::like("input", "The filtered signal.");
+}
 
 impl NodeKind for Biquad {
-    type Settings = BiquadSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Biquad",
-        group: "filters",
-        doc: "A second-order filter whose frequency (cut-off) and quality can be turned while it runs, or swept by a signal.",
-        source: "trapezoidal state-variable filter (Zavalishin, Simper); bilinear transform, prewarped",
-        inputs: &[
-            any_input("input", "The signal."),
-            frequency_input(
-                "frequency",
-                "Replaces `frequency_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored. \
-                 The group delay is then not counted in the latency.",
-            ),
-        ],
-        outputs: &[output_like("output", "input", "The filtered signal.")],
-        example: r#""ring": Biquad(input: "noise.output", shape: BandPass, frequency_hz: 250.0, q: 8.0)"#,
-    };
-
     fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (rate_hz, nyquist_hz) = (cx.rate.hz(), cx.rate.hz() / 2.0);
         let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?;
@@ -86,12 +79,6 @@ impl NodeKind for Biquad {
     fn advice(settings: &BiquadSettings, cx: &BuildContext) -> Vec<BuildError> {
         FREQUENCY.advice(settings.frequency_hz, cx).into_iter().collect()
     }
-}
-
-impl Biquad {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const Q: LiveId<Self> = LiveId::named("q");
 }
 
 /// The requested frequency and quality.
@@ -206,13 +193,14 @@ impl Processor<Biquad> for StateVariable {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Biquad>, value: f64) {
-        const FREQUENCY_HZ: LiveId<Biquad> = FREQUENCY.setting;
+    fn set(&mut self, setting: LiveId<BiquadSettings>, value: f64) {
         match setting {
             _ if !value.is_finite() => {}
             // Just below half the rate, where the integrators' gain would be infinite.
-            FREQUENCY_HZ if !self.follows => self.turn(value.clamp(1e-6, 0.499 * self.rate_hz)),
-            Biquad::Q => {
+            BiquadSettings::frequency_hz if !self.follows => {
+                self.turn(value.clamp(1e-6, 0.499 * self.rate_hz))
+            }
+            BiquadSettings::q => {
                 self.wanted.q = value.clamp(0.01, 10_000.0);
                 self.tuning = Tuning::of(&self.wanted, self.rate_hz);
             }
@@ -259,21 +247,15 @@ haptograph_engine::settings! {
     }
 }
 
-/// A second-order section given by its coefficients.
-pub struct SecondOrderSection;
+haptograph_engine::node! {
+    /// A second-order section given by its coefficients: (b_0 + b_1 z^-1 + b_2 z^-2) / (1 + a_1 z^-1 + a_2 z^-2).
+    pub struct SecondOrderSection(SecondOrderSectionSettings) in "filters";
+    example: r#""shape": SecondOrderSection(input: "noise.output", b: [0.2, 0.0, -0.2], a: [-1.2, 0.6])"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "The filtered signal.");
+}
 
 impl NodeKind for SecondOrderSection {
-    type Settings = SecondOrderSectionSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SecondOrderSection",
-        group: "filters",
-        doc: "A second-order section given by its coefficients: (b_0 + b_1 z^-1 + b_2 z^-2) / (1 + a_1 z^-1 + a_2 z^-2).",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The filtered signal.")],
-        example: r#""shape": SecondOrderSection(input: "noise.output", b: [0.2, 0.0, -0.2], a: [-1.2, 0.6])"#,
-    };
-
     fn build(settings: SecondOrderSectionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let section = filter::Biquad { b: settings.b, a: settings.a };
         if !section.is_stable() {
@@ -285,7 +267,9 @@ impl NodeKind for SecondOrderSection {
     }
 }
 
-impl FilterKind for SecondOrderSection {}
+impl FilterKind for SecondOrderSection {
+    const PORTS: Through<Self> = (Self::INPUT, Self::OUTPUT);
+}
 
 #[cfg(test)]
 mod tests {

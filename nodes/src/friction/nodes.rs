@@ -4,19 +4,11 @@ use super::dahl::{Dahl, DahlSettings, UnderLoad};
 use super::viscous_coulomb::ViscousCoulomb;
 use crate::contact::Contact;
 use crate::texture::load_surface;
-use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, LiveId, NodeKind, NodeSpec, Output, OutputSpec,
-    Processor, Tick, input, output,
-};
+use haptograph_engine::frame::{Scalar, Vector};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Millimetres, SecondsPerMillimetre};
 use std::path::{Path, PathBuf};
-
-const CONTACT: InputSpec = input("contact", Contact::KIND, Quantity::NUMBER, "The contact.");
-const LOAD: InputSpec = input("load", Kind::SCALAR, Quantity::FORCE, "Normal force, N.");
-const FORCE: OutputSpec =
-    output("force", Kind::VECTOR, Quantity::FORCE, "Friction on the tool, N, in the tangent plane.");
 
 /// The coefficient of friction: the setting, or else the surface's.
 fn coefficient(mu: Option<f64>, surface: Option<&Path>) -> Result<f64, BuildError> {
@@ -57,22 +49,18 @@ haptograph_engine::settings! {
     }
 }
 
-/// Stick-slip friction.
-pub struct DahlFriction;
+haptograph_engine::node! {
+    /// Stick-slip friction after Dahl: tool and surface stick by a spring that stretches up to 4 mm times mu, then slip.
+    /// The passive variant, the default, never adds energy, whatever the load does.
+    pub struct DahlFriction(DahlFrictionSettings) in "friction";
+    source: "4.3.1, Eq. 4.3.1 and 4.3.2 (corrected)";
+    example: r#""friction": DahlFriction(contact: "touch.contact", load: "normal.load", surface: "surfaces/t3-tile.ron")"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    in LOAD: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out FORCE: Vector = Port::of(Quantity::FORCE, "Friction on the tool, N, in the tangent plane.");
+}
 
 impl NodeKind for DahlFriction {
-    type Settings = DahlFrictionSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "DahlFriction",
-        group: "friction",
-        doc: "Stick-slip friction after Dahl: tool and surface stick by a spring that stretches up to 4 mm times mu, then \
-              slip. The passive variant, the default, never adds energy, whatever the load does.",
-        source: "4.3.1, Eq. 4.3.1 and 4.3.2 (corrected)",
-        inputs: &[CONTACT, LOAD],
-        outputs: &[FORCE],
-        example: r#""friction": DahlFriction(contact: "touch.contact", load: "normal.load", surface: "surfaces/t3-tile.ron")"#,
-    };
-
     fn build(settings: DahlFrictionSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let law = DahlSettings {
             stretch_m: settings.stretch_mm.si(),
@@ -86,13 +74,6 @@ impl NodeKind for DahlFriction {
             mu: coefficient(settings.mu, settings.surface.as_deref())?,
         }))
     }
-}
-
-impl DahlFriction {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const LOAD: Input<Self, Scalar> = Input::named("load");
-    const FORCE: Output<Self, Vector> = Output::named("force");
-    const MU: LiveId<Self> = LiveId::named("mu");
 }
 
 #[derive(Debug, Clone)]
@@ -110,8 +91,8 @@ impl Processor<DahlFriction> for Sticking {
         }
     }
 
-    fn set(&mut self, setting: LiveId<DahlFriction>, value: f64) {
-        if setting == DahlFriction::MU {
+    fn set(&mut self, setting: LiveId<DahlFrictionSettings>, value: f64) {
+        if setting == DahlFrictionSettings::mu {
             self.mu = value;
         }
     }
@@ -133,40 +114,24 @@ haptograph_engine::settings! {
     }
 }
 
-/// Coulomb friction, viscous around rest.
-pub struct ViscousCoulombFriction;
+haptograph_engine::node! {
+    /// Coulomb friction that is viscous below mu / slope: simple, without stiction.
+    pub struct ViscousCoulombFriction(ViscousCoulombSettings) in "friction";
+    source: "A.3.2, Eq. A.3.1 (corrected)";
+    example: r#""friction": ViscousCoulombFriction(contact: "touch.contact", load: "normal.load", velocity: "speed.velocity", mu: 0.35)"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    in LOAD: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    in VELOCITY: Vector = Port::of(Quantity::SPEED, "Velocity of the tool, m/s.");
+    out FORCE: Vector = Port::of(Quantity::FORCE, "Friction on the tool, N, in the tangent plane.");
+}
 
 impl NodeKind for ViscousCoulombFriction {
-    type Settings = ViscousCoulombSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ViscousCoulombFriction",
-        group: "friction",
-        doc: "Coulomb friction that is viscous below mu / slope: simple, without stiction.",
-        source: "A.3.2, Eq. A.3.1 (corrected)",
-        inputs: &[
-            CONTACT,
-            LOAD,
-            input("velocity", Kind::VECTOR, Quantity::SPEED, "Velocity of the tool, m/s."),
-        ],
-        outputs: &[FORCE],
-        example: r#""friction": ViscousCoulombFriction(contact: "touch.contact", load: "normal.load", velocity: "speed.velocity", mu: 0.35)"#,
-    };
-
     fn build(settings: ViscousCoulombSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Dragging {
             law: ViscousCoulomb { slope_s_per_m: settings.slope_s_per_mm.si() },
             mu: coefficient(settings.mu, settings.surface.as_deref())?,
         }))
     }
-}
-
-impl ViscousCoulombFriction {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const LOAD: Input<Self, Scalar> = Input::named("load");
-    const VELOCITY: Input<Self, Vector> = Input::named("velocity");
-    const FORCE: Output<Self, Vector> = Output::named("force");
-    const MU: LiveId<Self> = LiveId::named("mu");
-    const SLOPE_S_PER_MM: LiveId<Self> = LiveId::named("slope_s_per_mm");
 }
 
 #[derive(Debug, Clone)]
@@ -191,10 +156,10 @@ impl Processor<ViscousCoulombFriction> for Dragging {
         }
     }
 
-    fn set(&mut self, setting: LiveId<ViscousCoulombFriction>, value: f64) {
+    fn set(&mut self, setting: LiveId<ViscousCoulombSettings>, value: f64) {
         match setting {
-            ViscousCoulombFriction::MU => self.mu = value,
-            ViscousCoulombFriction::SLOPE_S_PER_MM => self.law.slope_s_per_m = value,
+            ViscousCoulombSettings::mu => self.mu = value,
+            ViscousCoulombSettings::slope_s_per_mm => self.law.slope_s_per_m = value,
             _ => {}
         }
     }
@@ -205,6 +170,7 @@ mod tests {
     use super::*;
     use crate::texture::tile;
     use haptograph_engine::frame::Record;
+    use haptograph_engine::frame::{Kind, OneKind};
     use haptograph_engine::testing::Bench;
 
     /// A slide along x at 100 mm/s on a plane, pressed with 1 N.
@@ -237,7 +203,7 @@ mod tests {
         let force = dahl.run(&[&contacts, &loads]).remove(0);
         assert!((force[30] + 10.0 * 1e-4 / 0.004).abs() < 1e-12, "it sticks first");
         assert!((force[297] + mu).abs() < 1e-12, "then it slips at the surface's {mu}");
-        dahl.set(DahlFriction::MU, 0.1);
+        dahl.set(DahlFrictionSettings::mu, 0.1);
         assert!((dahl.run(&[&contacts, &loads])[0][297] + 0.1).abs() < 1e-12);
         let settings = ViscousCoulombSettings {
             surface: None,

@@ -2,45 +2,27 @@
 
 use haptograph_engine::frame::{Event, Kind, Linear, Record};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, Latency, LiveId, NodeKind, NodeSpec,
-    Optional, Output, OutputCount, OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Io, Latency, LiveId, NodeKind, Optional, Port, Processor, QuantityRule,
+    Tick,
 };
 use haptograph_engine::settings::NoSettings;
 
 /// Components of the widest linear frame.
 const WIDEST: usize = Kind::WRENCH.width();
 
-/// The derivative in time.
-pub struct Derivative;
+haptograph_engine::node! {
+    /// The difference to the last frame, per second; zero at the first frame. Follow it with a low-pass: it amplifies noise
+    /// in proportion to frequency.
+    pub struct Derivative(NoSettings) in "math";
+    example: r#""velocity": Derivative(input: "stylus.position")"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "Its derivative.").carrying(QuantityRule::PerSecond("input"));
+}
 
 impl NodeKind for Derivative {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Derivative",
-        group: "math",
-        doc: "The difference to the last frame, per second; zero at the first frame. Follow it with a low-pass: it \
-              amplifies noise in proportion to frequency.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Same("input"),
-            quantity: QuantityRule::PerSecond("input"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "Its derivative.",
-        }],
-        example: r#""velocity": Derivative(input: "stylus.position")"#,
-    };
-
     fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Difference { previous: [0.0; WIDEST], started: false, rate_hz: cx.rate.hz() }))
     }
-}
-
-impl Derivative {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]
@@ -84,35 +66,18 @@ haptograph_engine::settings! {
     }
 }
 
-/// The integral over time.
-pub struct Integrator;
+haptograph_engine::node! {
+    /// The integral over time by the trapezoidal rule; with `leak_s` the integral decays exponentially. A frame with NaN or
+    /// infinity is skipped.
+    pub struct Integrator(IntegratorSettings) in "math";
+    example: r#""distance": Integrator(input: "speed.speed")"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in RESET: Event, Optional = Port::any("Resets the integral to `start`.");
+    out OUTPUT: Linear =
+        Port::like("input", "The integral up to this frame.").carrying(QuantityRule::TimesSeconds("input"));
+}
 
 impl NodeKind for Integrator {
-    type Settings = IntegratorSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Integrator",
-        group: "math",
-        doc: "The integral over time by the trapezoidal rule; with `leak_s` the integral decays exponentially. A frame \
-              with NaN or infinity is skipped.",
-        source: "",
-        inputs: &[
-            any_input("input", "The signal."),
-            InputSpec {
-                kind: KindRule::Is(Kind::EVENT),
-                ..any_input("reset", "Resets the integral to `start`.").optional()
-            },
-        ],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Same("input"),
-            quantity: QuantityRule::TimesSeconds("input"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The integral up to this frame.",
-        }],
-        example: r#""distance": Integrator(input: "speed.speed")"#,
-    };
-
     fn build(settings: IntegratorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let period_s = cx.rate.period_s();
         Ok(Built::new(Integral {
@@ -124,13 +89,6 @@ impl NodeKind for Integrator {
             started: false,
         }))
     }
-}
-
-impl Integrator {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const RESET: Input<Self, Event, Optional> = Input::named("reset");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const LEAK_S: LiveId<Self> = LiveId::named("leak_s");
 }
 
 /// Decay factor per frame.
@@ -174,8 +132,8 @@ impl Processor<Integrator> for Integral {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Integrator>, value: f64) {
-        if setting == Integrator::LEAK_S {
+    fn set(&mut self, setting: LiveId<IntegratorSettings>, value: f64) {
+        if setting == IntegratorSettings::leak_s {
             self.keep = keep(self.period_s, value);
         }
     }

@@ -1,11 +1,8 @@
 //! A function that is given by points.
 
 use crate::csv_table::{self, at_file, si_of_column};
-use haptograph_engine::frame::{Kind, Scalar};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputCount,
-    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
-};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, Tick};
 use haptograph_signal::csv::CsvError;
 use haptograph_signal::units;
 use std::path::PathBuf;
@@ -55,34 +52,19 @@ haptograph_engine::settings! {
     }
 }
 
-/// Looks values up on a curve.
-pub struct Curve;
+haptograph_engine::node! {
+    /// A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map from force
+    /// to loudness, the profile of a surface over position, a force over depth. The points are written in the graph or come
+    /// from two columns of a CSV file: `file: "spring.csv", x_column: "depth_mm", y_column: "force_n"`.
+    pub struct Curve(CurveSettings) in "math";
+    source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)";
+    example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#;
+    in INPUT: Scalar = Port::any("Where on the curve, x.");
+    out OUTPUT: Scalar =
+        Port::of_setting("quantity", "The value there, y, of the quantity that `quantity` names.");
+}
 
 impl NodeKind for Curve {
-    type Settings = CurveSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Curve",
-        group: "math",
-        doc: "A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map \
-              from force to loudness, the profile of a surface over position, a force over depth. The points are \
-              written in the graph or come from two columns of a CSV file: `file: \"spring.csv\", x_column: \
-              \"depth_mm\", y_column: \"force_n\"`.",
-        source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)",
-        inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::SCALAR),
-            ..any_input("input", "Where on the curve, x.")
-        }],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::SCALAR),
-            quantity: QuantityRule::Setting("quantity"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The value there, y, of the quantity that `quantity` names.",
-        }],
-        example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#,
-    };
-
     fn build(settings: CurveSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let points = points(&settings)?;
         Ok(Built::new(Table {
@@ -90,11 +72,6 @@ impl NodeKind for Curve {
             repeats: settings.beyond == Beyond::Repeat,
         }))
     }
-}
-
-impl Curve {
-    const INPUT: Input<Self, Scalar> = Input::named("input");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 /// The points of the settings or of their file, x rising.
@@ -243,6 +220,7 @@ impl Processor<Curve> for Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     fn bench(points: &[[f64; 2]], between: Between, beyond: Beyond) -> Result<Bench, BuildError> {

@@ -2,8 +2,7 @@
 
 use haptograph_engine::frame::{Event, Kind, Linear, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Optional, Output,
-    Processor, Tick, any_input, output, output_like,
+    BuildContext, BuildError, Built, Io, NodeKind, Optional, Port, Processor, Tick,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -11,37 +10,19 @@ use haptograph_signal::quantity::Quantity;
 /// Components of the widest linear frame.
 const WIDEST: usize = Kind::WRENCH.width();
 
-const fn events(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec { kind: KindRule::Is(Kind::EVENT), ..any_input(name, doc) }
+haptograph_engine::node! {
+    /// The number of events so far. A reset comes before an event of the same tick, which then is the first.
+    pub struct Counter(NoSettings) in "math";
+    example: r#""taps so far": Counter(event: "taps.tap")"#;
+    in EVENT: Event = Port::any("The events to count, of any value.");
+    in RESET: Event, Optional = Port::any("Sets the number to 0.");
+    out COUNT: Scalar = Port::of(Quantity::NUMBER, "The number of events up to this tick.");
 }
 
-/// Counts events.
-pub struct Counter;
-
 impl NodeKind for Counter {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Counter",
-        group: "math",
-        doc: "The number of events so far. A reset comes before an event of the same tick, which then is the first.",
-        source: "",
-        inputs: &[
-            events("event", "The events to count, of any value."),
-            events("reset", "Sets the number to 0.").optional(),
-        ],
-        outputs: &[output("count", Kind::SCALAR, Quantity::NUMBER, "The number of events up to this tick.")],
-        example: r#""taps so far": Counter(event: "taps.tap")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Counting { count: 0.0 }))
     }
-}
-
-impl Counter {
-    const EVENT: Input<Self, Event> = Input::named("event");
-    const RESET: Input<Self, Event, Optional> = Input::named("reset");
-    const COUNT: Output<Self, Scalar> = Output::named("count");
 }
 
 #[derive(Debug, Clone)]
@@ -67,34 +48,20 @@ impl Processor<Counter> for Counting {
     }
 }
 
-/// Holds a signal at an event.
-pub struct SampleHold;
+haptograph_engine::node! {
+    /// A signal as it was at the last event; zero before the first. It holds the signal, not the value of the event. A
+    /// frame with NaN or infinity is not taken.
+    pub struct SampleHold(NoSettings) in "math";
+    example: r#""place of the last tap": SampleHold(input: "arm.position", event: "taps.tap")"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in EVENT: Event = Port::any("Takes the signal's frame of the same tick.");
+    out OUTPUT: Linear = Port::like("input", "The signal at the last event.");
+}
 
 impl NodeKind for SampleHold {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SampleHold",
-        group: "math",
-        doc: "A signal as it was at the last event; zero before the first. It holds the signal, not the value of the event. \
-              A frame with NaN or infinity is not taken.",
-        source: "",
-        inputs: &[
-            any_input("input", "The signal."),
-            events("event", "Takes the signal's frame of the same tick."),
-        ],
-        outputs: &[output_like("output", "input", "The signal at the last event.")],
-        example: r#""place of the last tap": SampleHold(input: "arm.position", event: "taps.tap")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Holding { held: [0.0; WIDEST] }))
     }
-}
-
-impl SampleHold {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const EVENT: Input<Self, Event> = Input::named("event");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]

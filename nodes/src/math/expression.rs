@@ -1,11 +1,8 @@
 //! A node that computes a formula.
 
 use haptograph_engine::formula::{Formula, is_free, names as used_names};
-use haptograph_engine::frame::{Kind, Scalar};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Named, NodeKind, NodeSpec, Output,
-    OutputCount, OutputRole, OutputSpec, Presence, Processor, QuantityRule, Tick,
-};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, Named, NodeKind, Port, Processor, Tick};
 
 /// Default names of the inputs.
 const LETTERS: [&str; 8] = ["a", "b", "c", "d", "f", "g", "h", "k"];
@@ -23,40 +20,22 @@ haptograph_engine::settings! {
     }
 }
 
-/// Computes a formula of scalar signals.
-pub struct Expression;
+haptograph_engine::node! {
+    /// Computes a formula of scalar signals, frame by frame, in SI units. It has `+ - * / % ^`, comparisons (`<`, `<=`,
+    /// `>`, `>=`, `==`, `!=`, which give 1 or 0), `&&`, `||`, the constants `pi` and `e`, the time `t` in s, and the
+    /// functions sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, ln, log2, log10, sqrt, pow, hypot, abs,
+    /// sign, floor, ceil, round, mod, min (minimum), max (maximum), clamp(x, low, high), mix(a, b, part), if(condition,
+    /// then, otherwise), not. A result that is not finite, as of a division by zero, is zero. `2^3^2` is 2^9, `%` and `mod`
+    /// are never negative: `-1 % 3` is 2, and so is `-1 % -3`. It runs on the clock of its inputs: for a vibration from
+    /// slower ones write `clock: "audio"` and `Linear(...)` around each of them.
+    pub struct Expression(ExpressionSettings) in "math";
+    example: r#""ridges": Expression(inputs: {"texture": "texture.acceleration", "hum": "hum.output"}, formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#;
+    in INPUTS: Scalar, Named = Port::any("Scalars of any quantity, by their names in the formula.");
+    out OUTPUT: Scalar =
+        Port::of_setting("quantity", "The value of the formula, of the quantity that `quantity` names.");
+}
 
 impl NodeKind for Expression {
-    type Settings = ExpressionSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Expression",
-        group: "math",
-        doc: "Computes a formula of scalar signals, frame by frame, in SI units. It has `+ - * / % ^`, comparisons (`<`, `<=`, `>`, \
-              `>=`, `==`, `!=`, which give 1 or 0), `&&`, `||`, the constants `pi` and `e`, the time `t` in s, and the functions sin, \
-              cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, ln, log2, log10, sqrt, pow, hypot, abs, sign, floor, ceil, \
-              round, mod, min (minimum), max (maximum), clamp(x, low, high), mix(a, b, part), if(condition, then, otherwise), not. A result that is not \
-              finite, as of a division by zero, is zero. `2^3^2` is 2^9, `%` and `mod` are never negative: `-1 % 3` is 2, and so is `-1 % -3`. It runs on the clock \
-              of its inputs: for a vibration from slower ones write `clock: \"audio\"` and `Linear(...)` around each of them.",
-        source: "",
-        inputs: &[InputSpec {
-            name: "inputs",
-            kind: KindRule::Is(Kind::SCALAR),
-            quantity: QuantityRule::Any,
-            flow: Flow::Sampled,
-            presence: Presence::Named,
-            doc: "Scalars of any quantity, by their names in the formula.",
-        }],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::SCALAR),
-            quantity: QuantityRule::Setting("quantity"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The value of the formula, of the quantity that `quantity` names.",
-        }],
-        example: r#""ridges": Expression(inputs: {"texture": "texture.acceleration", "hum": "hum.output"}, formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,
-    };
-
     fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let names = names(&settings, cx)?;
         let formula = Formula::parse(&settings.formula, &names).map_err(|error| {
@@ -86,11 +65,6 @@ impl NodeKind for Expression {
         // The formula has more characters than intermediate values.
         size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
     }
-}
-
-impl Expression {
-    const INPUTS: Input<Self, Scalar, Named> = Input::named("inputs");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 const NAMING: &str = "use letters, digits and `_`; no function, constant or `t`";
@@ -156,6 +130,7 @@ impl Processor<Expression> for Computer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     fn settings(formula: &str, names: &[&str]) -> ExpressionSettings {

@@ -2,14 +2,11 @@
 //! check at the sinks finds their origin.
 
 use haptograph_engine::frame::Linear;
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
-    any_input, output_like,
-};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 
 haptograph_engine::settings! {
     /// Clamps a signal to two bounds.
-    pub struct Clamp {
+    pub struct ClampSettings {
         /// Smallest output, in the SI unit of the signal.
         [live] lowest: f64;
         /// Largest output, in the SI unit of the signal.
@@ -17,20 +14,17 @@ haptograph_engine::settings! {
     }
 }
 
-impl NodeKind for Clamp {
-    type Settings = Self;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Clamp",
-        group: "math",
-        doc: "Clamps every component of a signal to two bounds.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The signal within the bounds.")],
-        example: r#""pressed": Clamp(input: "stylus.force", lowest: 0.0, highest: 3.0)"#,
-    };
+haptograph_engine::node! {
+    /// Clamps every component of a signal to two bounds.
+    pub struct Clamp(ClampSettings) in "math";
+    example: r#""pressed": Clamp(input: "stylus.force", lowest: 0.0, highest: 3.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "The signal within the bounds.");
+}
 
-    fn build(settings: Self, _: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let Self { lowest, highest } = settings;
+impl NodeKind for Clamp {
+    fn build(settings: ClampSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        let ClampSettings { lowest, highest } = settings;
         if lowest > highest {
             let message = format!("the lowest value {lowest} is above the highest, {highest}");
             return Err(BuildError::at("lowest", message).help("swap them"));
@@ -39,14 +33,7 @@ impl NodeKind for Clamp {
     }
 }
 
-impl Clamp {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const LOWEST: LiveId<Self> = LiveId::named("lowest");
-    const HIGHEST: LiveId<Self> = LiveId::named("highest");
-}
-
-impl Processor<Clamp> for Clamp {
+impl Processor<Clamp> for ClampSettings {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Clamp>) {
         let x = io.read(Clamp::INPUT);
         for (y, x) in io.write(Clamp::OUTPUT).iter_mut().zip(x) {
@@ -55,10 +42,10 @@ impl Processor<Clamp> for Clamp {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Clamp>, value: f64) {
+    fn set(&mut self, setting: LiveId<ClampSettings>, value: f64) {
         match setting {
-            Clamp::LOWEST => self.lowest = value,
-            Clamp::HIGHEST => self.highest = value,
+            ClampSettings::lowest => self.lowest = value,
+            ClampSettings::highest => self.highest = value,
             _ => {}
         }
     }
@@ -66,37 +53,27 @@ impl Processor<Clamp> for Clamp {
 
 haptograph_engine::settings! {
     /// Limits a signal smoothly.
-    pub struct SoftClip {
+    pub struct SoftClipSettings {
         /// Bound that the output approaches and never exceeds, in the SI unit of the signal.
         [live] limit: f64, in 1e-12..=1e12;
     }
 }
 
-impl NodeKind for SoftClip {
-    type Settings = Self;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SoftClip",
-        group: "math",
-        doc: "Limits every component of a signal smoothly: limit tanh(x / limit). Small signals pass nearly \
-              unchanged.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The signal within plus and minus the limit.")],
-        example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#,
-    };
+haptograph_engine::node! {
+    /// Limits every component of a signal smoothly: limit tanh(x / limit). Small signals pass nearly unchanged.
+    pub struct SoftClip(SoftClipSettings) in "math";
+    example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "The signal within plus and minus the limit.");
+}
 
-    fn build(settings: Self, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+impl NodeKind for SoftClip {
+    fn build(settings: SoftClipSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(settings))
     }
 }
 
-impl SoftClip {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const LIMIT: LiveId<Self> = LiveId::named("limit");
-}
-
-impl Processor<SoftClip> for SoftClip {
+impl Processor<SoftClip> for SoftClipSettings {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, SoftClip>) {
         let x = io.read(SoftClip::INPUT);
         for (y, x) in io.write(SoftClip::OUTPUT).iter_mut().zip(x) {
@@ -104,8 +81,8 @@ impl Processor<SoftClip> for SoftClip {
         }
     }
 
-    fn set(&mut self, setting: LiveId<SoftClip>, value: f64) {
-        if setting == SoftClip::LIMIT {
+    fn set(&mut self, setting: LiveId<SoftClipSettings>, value: f64) {
+        if setting == SoftClipSettings::limit {
             self.limit = value;
         }
     }
@@ -119,22 +96,15 @@ haptograph_engine::settings! {
     }
 }
 
-/// Limits the slew rate of a signal.
-pub struct SlewLimit;
+haptograph_engine::node! {
+    /// Limits the slew rate of a signal; for a vector, the length of its change. The output starts at the first input.
+    pub struct SlewLimit(SlewLimitSettings) in "math";
+    example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "The signal, delayed where it changes too fast.");
+}
 
 impl NodeKind for SlewLimit {
-    type Settings = SlewLimitSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SlewLimit",
-        group: "math",
-        doc: "Limits the slew rate of a signal; for a vector, the length of its change. The output starts at the first \
-              input.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The signal, delayed where it changes too fast.")],
-        example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#,
-    };
-
     fn build(settings: SlewLimitSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(SlewLimiting {
             most_per_s: settings.most_per_s,
@@ -143,12 +113,6 @@ impl NodeKind for SlewLimit {
             period_s: cx.rate.period_s(),
         }))
     }
-}
-
-impl SlewLimit {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const MAX_PER_S: LiveId<Self> = LiveId::named("most_per_s");
 }
 
 #[derive(Debug, Clone)]
@@ -182,8 +146,8 @@ impl Processor<SlewLimit> for SlewLimiting {
         }
     }
 
-    fn set(&mut self, setting: LiveId<SlewLimit>, value: f64) {
-        if setting == SlewLimit::MAX_PER_S {
+    fn set(&mut self, setting: LiveId<SlewLimitSettings>, value: f64) {
+        if setting == SlewLimitSettings::most_per_s {
             self.most_per_s = value;
         }
     }
@@ -201,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_clamp_keeps_its_bounds_and_lets_nan_be_seen() {
-        let settings = |lowest, highest| Clamp { lowest, highest };
+        let settings = |lowest, highest| ClampSettings { lowest, highest };
         let mut bench = Bench::new::<Clamp>(settings(-1.0, 2.0), 1.0, &[Kind::SCALAR]).unwrap();
         let y = &bench.run(&[&[-5.0, 0.5, 7.0, f64::NAN, f64::INFINITY]])[0];
         assert_eq!((y[0], y[1], y[2], y[4]), (-1.0, 0.5, 2.0, 2.0));
@@ -211,7 +175,8 @@ mod tests {
 
     #[test]
     fn a_soft_clip_is_the_signal_when_small_and_the_limit_when_large() {
-        let mut bench = Bench::new::<SoftClip>(SoftClip { limit: 2.0 }, 1.0, &[Kind::SCALAR]).unwrap();
+        let mut bench =
+            Bench::new::<SoftClip>(SoftClipSettings { limit: 2.0 }, 1.0, &[Kind::SCALAR]).unwrap();
         let y = &bench.run(&[&[1e-4, 1e6, -1e6]])[0];
         assert!((y[0] - 1e-4).abs() < 1e-12);
         assert_eq!((y[1], y[2]), (2.0, -2.0));

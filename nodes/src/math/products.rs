@@ -1,48 +1,26 @@
 //! Products and quotients of signals; the quantity of the result is that of the product or quotient.
 
-use haptograph_engine::frame::{Kind, Linear, Scalar};
+use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputCount,
-    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, QuantityRule, Tick,
 };
 use haptograph_engine::settings::NoSettings;
 
-const fn scalar_input(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input(name, doc) }
+haptograph_engine::node! {
+    /// Multiplies every component of a signal by a scalar signal.
+    pub struct Multiply(NoSettings) in "math";
+    example: r#""power": Multiply(input: "stylus.force", by: "speed.speed")"#;
+    in INPUT: Linear = Port::any("The signal.");
+    in BY: Scalar = Port::any("The factor.");
+    out OUTPUT: Linear =
+        Port::like("input", "The product, of the product's quantity.")
+            .carrying(QuantityRule::Product("input", "by"));
 }
 
-/// Multiplies a signal by a scalar signal.
-#[derive(Debug, Clone, Copy)]
-pub struct Multiply;
-
 impl NodeKind for Multiply {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Multiply",
-        group: "math",
-        doc: "Multiplies every component of a signal by a scalar signal.",
-        source: "",
-        inputs: &[any_input("input", "The signal."), scalar_input("by", "The factor.")],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Same("input"),
-            quantity: QuantityRule::Product("input", "by"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The product, of the product's quantity.",
-        }],
-        example: r#""power": Multiply(input: "stylus.force", by: "speed.speed")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Multiply))
     }
-}
-
-impl Multiply {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const BY: Input<Self, Scalar> = Input::named("by");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 impl Processor<Multiply> for Multiply {
@@ -63,39 +41,22 @@ impl Processor<Multiply> for Multiply {
     }
 }
 
-/// Divides a signal by a scalar signal.
-#[derive(Debug, Clone, Copy)]
-pub struct Divide;
+haptograph_engine::node! {
+    /// Divides every component of a signal by a scalar signal. If the divisor is zero the quotient is zero, which suits a
+    /// ratio of forces without contact.
+    pub struct Divide(NoSettings) in "math";
+    example: r#""mu": Divide(input: "friction.magnitude", by: "normal.magnitude")"#;
+    in INPUT: Linear = Port::any("The dividend.");
+    in BY: Scalar = Port::any("The divisor.");
+    out OUTPUT: Linear =
+        Port::like("input", "The quotient, of the quotient's quantity.")
+            .carrying(QuantityRule::Quotient("input", "by"));
+}
 
 impl NodeKind for Divide {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Divide",
-        group: "math",
-        doc: "Divides every component of a signal by a scalar signal. If the divisor is zero the quotient is zero, \
-              which suits a ratio of forces without contact.",
-        source: "",
-        inputs: &[any_input("input", "The dividend."), scalar_input("by", "The divisor.")],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Same("input"),
-            quantity: QuantityRule::Quotient("input", "by"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The quotient, of the quotient's quantity.",
-        }],
-        example: r#""mu": Divide(input: "friction.magnitude", by: "normal.magnitude")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Divide))
     }
-}
-
-impl Divide {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const BY: Input<Self, Scalar> = Input::named("by");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 impl Processor<Divide> for Divide {
@@ -113,6 +74,7 @@ impl Processor<Divide> for Divide {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -2,8 +2,7 @@
 
 use haptograph_engine::frame::{AnyKind, Kind, Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, Latency, LiveId, Many, NodeKind,
-    NodeSpec, Optional, Output, Presence, Processor, QuantityRule, Tick, any_input, input, output_like,
+    BuildContext, BuildError, Built, Io, Latency, LiveId, Many, NodeKind, Optional, Port, Processor, Tick,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -15,37 +14,17 @@ haptograph_engine::settings! {
     }
 }
 
-/// Selects one of several signals.
-pub struct Switch;
+haptograph_engine::node! {
+    /// Selects one of several signals of one kind and quantity, by a signal or by a setting.
+    pub struct Switch(SwitchSettings) in "math";
+    example: r#""source": Switch(inputs: ["texture.acceleration", "tone.output"], select: 1)"#;
+    in SELECTOR: Scalar, Optional =
+        Port::of(Quantity::NUMBER, "Index of the input, from 0; rounded, and clamped to the last input.");
+    in INPUTS: AnyKind, Many = Port::any("The signals to choose from.");
+    out OUTPUT: AnyKind = Port::like("inputs", "The selected signal.");
+}
 
 impl NodeKind for Switch {
-    type Settings = SwitchSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Switch",
-        group: "math",
-        doc: "Selects one of several signals of one kind and quantity, by a signal or by a setting.",
-        source: "",
-        inputs: &[
-            input(
-                "selector",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "Index of the input, from 0; rounded, and clamped to the last input.",
-            )
-            .optional(),
-            InputSpec {
-                name: "inputs",
-                kind: KindRule::Any,
-                quantity: QuantityRule::Any,
-                flow: Flow::Sampled,
-                presence: Presence::Many,
-                doc: "The signals to choose from.",
-            },
-        ],
-        outputs: &[output_like("output", "inputs", "The selected signal.")],
-        example: r#""source": Switch(inputs: ["texture.acceleration", "tone.output"], select: 1)"#,
-    };
-
     fn build(settings: SwitchSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let inputs = cx.connections(Self::INPUTS);
         let select = settings.select as usize;
@@ -55,13 +34,6 @@ impl NodeKind for Switch {
         }
         Ok(Built::new(Switching { select }))
     }
-}
-
-impl Switch {
-    const SELECTOR: Input<Self, Scalar, Optional> = Input::named("selector");
-    const INPUTS: Input<Self, AnyKind, Many> = Input::named("inputs");
-    const OUTPUT: Output<Self, AnyKind> = Output::named("output");
-    const SELECT: LiveId<Self> = LiveId::named("select");
 }
 
 #[derive(Debug, Clone)]
@@ -84,8 +56,8 @@ impl Processor<Switch> for Switching {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Switch>, value: f64) {
-        if setting == Switch::SELECT {
+    fn set(&mut self, setting: LiveId<SwitchSettings>, value: f64) {
+        if setting == SwitchSettings::select {
             self.select = value.round() as usize;
         }
     }
@@ -99,22 +71,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Delays a signal by whole frames.
-pub struct Delay;
+haptograph_engine::node! {
+    /// Delays a signal by a number of frames; the output is neutral before that, which is zero for the shipped kinds. It
+    /// does not close a feedback loop: for that, write the delay on the connection, as `Delay(...)` in place of the input.
+    pub struct Delay(DelaySettings) in "math";
+    example: r#""echo": Delay(input: "texture.acceleration", frames: 480)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out OUTPUT: Linear = Port::like("input", "The delayed signal.");
+}
 
 impl NodeKind for Delay {
-    type Settings = DelaySettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Delay",
-        group: "math",
-        doc: "Delays a signal by a number of frames; the output is neutral before that, which is zero for the shipped kinds. It does not close a feedback loop: for \
-              that, write the delay on the connection, as `Delay(...)` in place of the input.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The delayed signal.")],
-        example: r#""echo": Delay(input: "texture.acceleration", frames: 480)"#,
-    };
-
     fn memory_bytes(settings: &DelaySettings, cx: &BuildContext) -> u64 {
         let width = cx.width(Self::INPUT);
         u64::from(settings.frames) * (width * size_of::<f64>()) as u64
@@ -130,11 +96,6 @@ impl NodeKind for Delay {
             delay_s: frames as f64 * cx.rate.period_s(),
         }))
     }
-}
-
-impl Delay {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]
@@ -188,7 +149,7 @@ mod tests {
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[None, scalar, scalar]).unwrap();
         let (a, b) = ([1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]);
         assert_eq!(bench.run(&[&[], &a, &b]), [b]);
-        bench.set(Switch::SELECT, 0.0);
+        bench.set(SwitchSettings::select, 0.0);
         assert_eq!(bench.run(&[&[], &a, &b]), [a]);
         let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[scalar; 3]).unwrap();
         let selector = [0.0, 1.0, 99.0, f64::NAN];

@@ -2,45 +2,23 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, LiveId, Many, NodeKind, NodeSpec,
-    Output, Presence, Processor, QuantityRule, Tick, any_input, output_like,
+    BuildContext, BuildError, Built, Io, LiveId, Many, NodeKind, Port, Processor, Tick,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
 
-const TERMS: InputSpec = InputSpec {
-    name: "inputs",
-    kind: KindRule::Linear,
-    quantity: QuantityRule::Any,
-    flow: Flow::Sampled,
-    presence: Presence::Many,
-    doc: "The terms, all of one kind and quantity.",
-};
-
-/// Adds signals.
-#[derive(Debug, Clone, Copy)]
-pub struct Add;
+haptograph_engine::node! {
+    /// Adds any number of signals of one kind and quantity.
+    pub struct Add(NoSettings) in "math";
+    example: r#""total": Add(inputs: ["texture.acceleration", "taps.acceleration"])"#;
+    in INPUTS: Linear, Many = Port::any("The terms, all of one kind and quantity.");
+    out OUTPUT: Linear = Port::like("inputs", "The sum, added in the order of the list.");
+}
 
 impl NodeKind for Add {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Add",
-        group: "math",
-        doc: "Adds any number of signals of one kind and quantity.",
-        source: "",
-        inputs: &[TERMS],
-        outputs: &[output_like("output", "inputs", "The sum, added in the order of the list.")],
-        example: r#""total": Add(inputs: ["texture.acceleration", "taps.acceleration"])"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Add))
     }
-}
-
-impl Add {
-    const INPUTS: Input<Self, Linear, Many> = Input::named("inputs");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 impl Processor<Add> for Add {
@@ -62,38 +40,19 @@ impl Processor<Add> for Add {
     }
 }
 
-/// Subtracts one signal from another.
-#[derive(Debug, Clone, Copy)]
-pub struct Subtract;
+haptograph_engine::node! {
+    /// Subtracts `less` from `input`, both of one kind and quantity.
+    pub struct Subtract(NoSettings) in "math";
+    example: r#""error": Subtract(input: "reference.output", less: "sensor.force")"#;
+    in INPUT: Linear = Port::any("The minuend.");
+    in LESS: Linear = Port::like("input", "The subtrahend.");
+    out OUTPUT: Linear = Port::like("input", "The difference.");
+}
 
 impl NodeKind for Subtract {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Subtract",
-        group: "math",
-        doc: "Subtracts `less` from `input`, both of one kind and quantity.",
-        source: "",
-        inputs: &[
-            any_input("input", "The minuend."),
-            InputSpec {
-                kind: KindRule::Same("input"),
-                quantity: QuantityRule::Same("input"),
-                ..any_input("less", "The subtrahend.")
-            },
-        ],
-        outputs: &[output_like("output", "input", "The difference.")],
-        example: r#""error": Subtract(input: "reference.output", less: "sensor.force")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Subtract))
     }
-}
-
-impl Subtract {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const LESS: Input<Self, Linear> = Input::named("less");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
 }
 
 impl Processor<Subtract> for Subtract {
@@ -115,21 +74,15 @@ haptograph_engine::settings! {
     }
 }
 
-/// Adds signals with a gain each.
-pub struct Mixer;
+haptograph_engine::node! {
+    /// Adds any number of signals of one kind and quantity, each with its own gain.
+    pub struct Mixer(MixerSettings) in "math";
+    example: r#""mix": Mixer(inputs: ["texture.acceleration", "taps.acceleration"], gains: [1.0, 0.5])"#;
+    in INPUTS: Linear, Many = Port::any("The terms, all of one kind and quantity.");
+    out OUTPUT: Linear = Port::like("inputs", "The weighted sum, added in the order of the list.");
+}
 
 impl NodeKind for Mixer {
-    type Settings = MixerSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Mixer",
-        group: "math",
-        doc: "Adds any number of signals of one kind and quantity, each with its own gain.",
-        source: "",
-        inputs: &[TERMS],
-        outputs: &[output_like("output", "inputs", "The weighted sum, added in the order of the list.")],
-        example: r#""mix": Mixer(inputs: ["texture.acceleration", "taps.acceleration"], gains: [1.0, 0.5])"#,
-    };
-
     fn build(settings: MixerSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (gains, inputs) = (settings.gains.len(), cx.connections(Self::INPUTS));
         if gains != inputs {
@@ -140,13 +93,6 @@ impl NodeKind for Mixer {
         }
         Ok(Built::new(Mixing { gains: settings.gains.into(), master: settings.master }))
     }
-}
-
-impl Mixer {
-    const INPUTS: Input<Self, Linear, Many> = Input::named("inputs");
-    const OUTPUT: Output<Self, Linear> = Output::named("output");
-    const GAINS: LiveId<Self> = LiveId::named("gains");
-    const MASTER: LiveId<Self> = LiveId::named("master");
 }
 
 #[derive(Debug, Clone)]
@@ -178,14 +124,14 @@ impl Processor<Mixer> for Mixing {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Mixer>, value: f64) {
-        if setting == Mixer::MASTER {
+    fn set(&mut self, setting: LiveId<MixerSettings>, value: f64) {
+        if setting == MixerSettings::master {
             self.master = value;
         }
     }
 
-    fn set_item(&mut self, setting: LiveId<Mixer>, item: usize, value: f64) {
-        if setting == Mixer::GAINS
+    fn set_item(&mut self, setting: LiveId<MixerSettings>, item: usize, value: f64) {
+        if setting == MixerSettings::gains
             && let Some(gain) = self.gains.get_mut(item)
         {
             *gain = value;

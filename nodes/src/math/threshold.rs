@@ -1,9 +1,8 @@
 //! Events from a signal.
 
-use haptograph_engine::frame::{Event, Kind, Record, Scalar};
+use haptograph_engine::frame::{Event, Record, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
-    OutputCount, OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, QuantityRule, Tick,
 };
 
 haptograph_engine::settings! {
@@ -16,29 +15,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Fires an event when a signal rises to a value.
-pub struct Threshold;
+haptograph_engine::node! {
+    /// Fires an event when a scalar rises to a value, and not again before it has fallen (hysteresis). A signal that starts
+    /// above the value fires only after it has fallen.
+    pub struct Threshold(ThresholdSettings) in "math";
+    example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#;
+    in INPUT: Scalar = Port::any("The signal.");
+    out EVENT: Event = Port::any("Event with the signal's value.").carrying(QuantityRule::Same("input"));
+}
 
 impl NodeKind for Threshold {
-    type Settings = ThresholdSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Threshold",
-        group: "math",
-        doc: "Fires an event when a scalar rises to a value, and not again before it has fallen (hysteresis). A signal \
-              that starts above the value fires only after it has fallen.",
-        source: "",
-        inputs: &[InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input("input", "The signal.") }],
-        outputs: &[OutputSpec {
-            name: "event",
-            kind: KindRule::Is(Kind::EVENT),
-            quantity: QuantityRule::Same("input"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "Event with the signal's value.",
-        }],
-        example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#,
-    };
-
     fn build(settings: ThresholdSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         if let Some(falls_to) = settings.falls_to.filter(|falls_to| *falls_to > settings.rises_to) {
             let message = format!("`falls_to` is {falls_to}, which is above {}", settings.rises_to);
@@ -46,13 +32,6 @@ impl NodeKind for Threshold {
         }
         Ok(Built::new(Rising { rises_to: settings.rises_to, falls_to: settings.falls_to, armed: false }))
     }
-}
-
-impl Threshold {
-    const INPUT: Input<Self, Scalar> = Input::named("input");
-    const EVENT: Output<Self, Event> = Output::named("event");
-    const RISES_TO: LiveId<Self> = LiveId::named("rises_to");
-    const FALLS_TO: LiveId<Self> = LiveId::named("falls_to");
 }
 
 #[derive(Debug, Clone)]
@@ -82,11 +61,11 @@ impl Processor<Threshold> for Rising {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Threshold>, value: f64) {
+    fn set(&mut self, setting: LiveId<ThresholdSettings>, value: f64) {
         match setting {
-            Threshold::RISES_TO => self.rises_to = value,
+            ThresholdSettings::rises_to => self.rises_to = value,
             // Not above the level that it is armed for, as in a file.
-            Threshold::FALLS_TO => self.falls_to = Some(value.min(self.rises_to)),
+            ThresholdSettings::falls_to => self.falls_to = Some(value.min(self.rises_to)),
             _ => {}
         }
     }
@@ -99,6 +78,7 @@ impl Processor<Threshold> for Rising {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     fn fired(falls_to: Option<f64>, x: &[f64]) -> Vec<usize> {

@@ -1,54 +1,26 @@
 //! 3-vectors and wrenches: length, products, components.
 
-use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
+use haptograph_engine::frame::{Scalar, Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, NodeKind, NodeSpec, Output, OutputCount,
-    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input, input, output,
+    BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, QuantityRule, Tick,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 
 use crate::vector::{cross, dot};
 
-const fn vector_input(name: &'static str, doc: &'static str) -> InputSpec {
-    InputSpec { kind: KindRule::Is(Kind::VECTOR), ..any_input(name, doc) }
+haptograph_engine::node! {
+    /// The length of a 3-vector.
+    pub struct Magnitude(NoSettings) in "math";
+    example: r#""pull": Magnitude(input: "arm.force")"#;
+    in INPUT: Vector = Port::any("The vector.");
+    out OUTPUT: Scalar = Port::any("Its length.").carrying(QuantityRule::Same("input"));
 }
-
-const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
-    OutputSpec {
-        name,
-        kind: KindRule::Is(Kind::SCALAR),
-        quantity: QuantityRule::Same(like),
-        role: OutputRole::Plain,
-        count: OutputCount::One,
-        doc,
-    }
-}
-
-/// The length of a vector.
-#[derive(Debug, Clone, Copy)]
-pub struct Magnitude;
 
 impl NodeKind for Magnitude {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Magnitude",
-        group: "math",
-        doc: "The length of a 3-vector.",
-        source: "",
-        inputs: &[vector_input("input", "The vector.")],
-        outputs: &[scalar_of("output", "input", "Its length.")],
-        example: r#""pull": Magnitude(input: "arm.force")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Magnitude))
     }
-}
-
-impl Magnitude {
-    const INPUT: Input<Self, Vector> = Input::named("input");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 impl Processor<Magnitude> for Magnitude {
@@ -60,38 +32,19 @@ impl Processor<Magnitude> for Magnitude {
     }
 }
 
-/// The scalar product.
-#[derive(Debug, Clone, Copy)]
-pub struct Dot;
+haptograph_engine::node! {
+    /// The scalar product of two 3-vectors: force and velocity give power.
+    pub struct Dot(NoSettings) in "math";
+    example: r#""power": Dot(a: "arm.force", b: "arm.velocity")"#;
+    in A: Vector = Port::any("The first vector.");
+    in B: Vector = Port::any("The second vector.");
+    out OUTPUT: Scalar = Port::any("a . b").carrying(QuantityRule::Product("a", "b"));
+}
 
 impl NodeKind for Dot {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Dot",
-        group: "math",
-        doc: "The scalar product of two 3-vectors: force and velocity give power.",
-        source: "",
-        inputs: &[vector_input("a", "The first vector."), vector_input("b", "The second vector.")],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::SCALAR),
-            quantity: QuantityRule::Product("a", "b"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "a . b",
-        }],
-        example: r#""power": Dot(a: "arm.force", b: "arm.velocity")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Dot))
     }
-}
-
-impl Dot {
-    const A: Input<Self, Vector> = Input::named("a");
-    const B: Input<Self, Vector> = Input::named("b");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 impl Processor<Dot> for Dot {
@@ -103,38 +56,19 @@ impl Processor<Dot> for Dot {
     }
 }
 
-/// The vector product.
-#[derive(Debug, Clone, Copy)]
-pub struct Cross;
+haptograph_engine::node! {
+    /// The vector product of two 3-vectors: lever arm and force give torque.
+    pub struct Cross(NoSettings) in "math";
+    example: r#""torque": Cross(a: "arm.position", b: "arm.force")"#;
+    in A: Vector = Port::any("The first vector.");
+    in B: Vector = Port::any("The second vector.");
+    out OUTPUT: Vector = Port::any("a x b").carrying(QuantityRule::Product("a", "b"));
+}
 
 impl NodeKind for Cross {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Cross",
-        group: "math",
-        doc: "The vector product of two 3-vectors: lever arm and force give torque.",
-        source: "",
-        inputs: &[vector_input("a", "The first vector."), vector_input("b", "The second vector.")],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::VECTOR),
-            quantity: QuantityRule::Product("a", "b"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "a x b",
-        }],
-        example: r#""torque": Cross(a: "arm.position", b: "arm.force")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Cross))
     }
-}
-
-impl Cross {
-    const A: Input<Self, Vector> = Input::named("a");
-    const B: Input<Self, Vector> = Input::named("b");
-    const OUTPUT: Output<Self, Vector> = Output::named("output");
 }
 
 impl Processor<Cross> for Cross {
@@ -146,36 +80,20 @@ impl Processor<Cross> for Cross {
     }
 }
 
-/// The components of a vector.
-#[derive(Debug, Clone, Copy)]
-pub struct Components;
+haptograph_engine::node! {
+    /// The three components of a 3-vector as scalars.
+    pub struct Components(NoSettings) in "math";
+    example: r#""tip": Components(input: "stylus.position")"#;
+    in INPUT: Vector = Port::any("The vector.");
+    out X: Scalar = Port::any("Along x.").carrying(QuantityRule::Same("input"));
+    out Y: Scalar = Port::any("Along y.").carrying(QuantityRule::Same("input"));
+    out Z: Scalar = Port::any("Along z.").carrying(QuantityRule::Same("input"));
+}
 
 impl NodeKind for Components {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Components",
-        group: "math",
-        doc: "The three components of a 3-vector as scalars.",
-        source: "",
-        inputs: &[vector_input("input", "The vector.")],
-        outputs: &[
-            scalar_of("x", "input", "Along x."),
-            scalar_of("y", "input", "Along y."),
-            scalar_of("z", "input", "Along z."),
-        ],
-        example: r#""tip": Components(input: "stylus.position")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Components))
     }
-}
-
-impl Components {
-    const INPUT: Input<Self, Vector> = Input::named("input");
-    const X: Output<Self, Scalar> = Output::named("x");
-    const Y: Output<Self, Scalar> = Output::named("y");
-    const Z: Output<Self, Scalar> = Output::named("z");
 }
 
 impl Processor<Components> for Components {
@@ -188,51 +106,20 @@ impl Processor<Components> for Components {
     }
 }
 
-/// A vector from three scalars.
-#[derive(Debug, Clone, Copy)]
-pub struct Pack;
+haptograph_engine::node! {
+    /// Makes a 3-vector from three scalars of one quantity.
+    pub struct Pack(NoSettings) in "math";
+    example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#;
+    in X: Scalar = Port::any("Along x.");
+    in Y: Scalar = Port::any("Along y.").carrying(QuantityRule::Same("x"));
+    in Z: Scalar = Port::any("Along z.").carrying(QuantityRule::Same("x"));
+    out OUTPUT: Vector = Port::any("The vector.").carrying(QuantityRule::Same("x"));
+}
 
 impl NodeKind for Pack {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Pack",
-        group: "math",
-        doc: "Makes a 3-vector from three scalars of one quantity.",
-        source: "",
-        inputs: &[
-            InputSpec { kind: KindRule::Is(Kind::SCALAR), ..any_input("x", "Along x.") },
-            InputSpec {
-                kind: KindRule::Is(Kind::SCALAR),
-                quantity: QuantityRule::Same("x"),
-                ..any_input("y", "Along y.")
-            },
-            InputSpec {
-                kind: KindRule::Is(Kind::SCALAR),
-                quantity: QuantityRule::Same("x"),
-                ..any_input("z", "Along z.")
-            },
-        ],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::VECTOR),
-            quantity: QuantityRule::Same("x"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The vector.",
-        }],
-        example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Pack))
     }
-}
-
-impl Pack {
-    const X: Input<Self, Scalar> = Input::named("x");
-    const Y: Input<Self, Scalar> = Input::named("y");
-    const Z: Input<Self, Scalar> = Input::named("z");
-    const OUTPUT: Output<Self, Vector> = Output::named("output");
 }
 
 impl Processor<Pack> for Pack {
@@ -244,34 +131,19 @@ impl Processor<Pack> for Pack {
     }
 }
 
-/// Force and torque of a wrench.
-#[derive(Debug, Clone, Copy)]
-pub struct WrenchParts;
+haptograph_engine::node! {
+    /// The force and the torque of a wrench.
+    pub struct WrenchParts(NoSettings) in "math";
+    example: r#""parts": WrenchParts(input: "sensor.wrench")"#;
+    in INPUT: Wrench = Port::any("The wrench.");
+    out FORCE: Vector = Port::of(Quantity::FORCE, "Its force, N.");
+    out TORQUE: Vector = Port::of(Quantity::TORQUE, "Its torque, N m.");
+}
 
 impl NodeKind for WrenchParts {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "WrenchParts",
-        group: "math",
-        doc: "The force and the torque of a wrench.",
-        source: "",
-        inputs: &[InputSpec { kind: KindRule::Is(Kind::WRENCH), ..any_input("input", "The wrench.") }],
-        outputs: &[
-            output("force", Kind::VECTOR, Quantity::FORCE, "Its force, N."),
-            output("torque", Kind::VECTOR, Quantity::TORQUE, "Its torque, N m."),
-        ],
-        example: r#""parts": WrenchParts(input: "sensor.wrench")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(WrenchParts))
     }
-}
-
-impl WrenchParts {
-    const INPUT: Input<Self, Wrench> = Input::named("input");
-    const FORCE: Output<Self, Vector> = Output::named("force");
-    const TORQUE: Output<Self, Vector> = Output::named("torque");
 }
 
 impl Processor<WrenchParts> for WrenchParts {
@@ -286,34 +158,19 @@ impl Processor<WrenchParts> for WrenchParts {
     }
 }
 
-/// A wrench from a force and a torque.
-#[derive(Debug, Clone, Copy)]
-pub struct MakeWrench;
+haptograph_engine::node! {
+    /// Makes a wrench from a force and a torque about the origin.
+    pub struct MakeWrench(NoSettings) in "math";
+    example: r#""load": MakeWrench(force: "arm.force", torque: "torque.output")"#;
+    in FORCE: Vector = Port::of(Quantity::FORCE, "The force, N.");
+    in TORQUE: Vector = Port::of(Quantity::TORQUE, "The torque, N m.");
+    out OUTPUT: Wrench = Port::of(Quantity::FORCE, "The wrench.");
+}
 
 impl NodeKind for MakeWrench {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "MakeWrench",
-        group: "math",
-        doc: "Makes a wrench from a force and a torque about the origin.",
-        source: "",
-        inputs: &[
-            input("force", Kind::VECTOR, Quantity::FORCE, "The force, N."),
-            input("torque", Kind::VECTOR, Quantity::TORQUE, "The torque, N m."),
-        ],
-        outputs: &[output("output", Kind::WRENCH, Quantity::FORCE, "The wrench.")],
-        example: r#""load": MakeWrench(force: "arm.force", torque: "torque.output")"#,
-    };
-
     fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(MakeWrench))
     }
-}
-
-impl MakeWrench {
-    const FORCE: Input<Self, Vector> = Input::named("force");
-    const TORQUE: Input<Self, Vector> = Input::named("torque");
-    const OUTPUT: Output<Self, Wrench> = Output::named("output");
 }
 
 impl Processor<MakeWrench> for MakeWrench {
@@ -330,6 +187,7 @@ impl Processor<MakeWrench> for MakeWrench {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     const A: [f64; 3] = [1.0, 2.0, -2.0];

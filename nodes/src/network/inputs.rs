@@ -11,10 +11,8 @@ pub use serial::{SERIAL_RATES, SerialInput, SerialInputSettings};
 
 use super::link::{Link, Reader};
 use haptograph_engine::device::{Channel, Device};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{
-    BuildContext, BuildError, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, QuantityRule,
-};
+use haptograph_engine::frame::{Kind, Scalar};
+use haptograph_engine::node::{BuildContext, BuildError, Port};
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{LiveInput, OnSilence};
 use haptograph_signal::quantity::Quantity;
@@ -29,25 +27,15 @@ haptograph_engine::settings! {
     }
 }
 
-/// Reads a live input.
-pub const LIVE_INPUT: NodeSpec = NodeSpec {
-    name: "LiveInput",
-    group: "sources",
-    doc: "A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a \
-          `MidiInput`, a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a \
-          vector with `Pack`.",
-    source: "",
-    inputs: &[],
-    outputs: &[OutputSpec {
-        name: "value",
-        kind: KindRule::Is(Kind::SCALAR),
-        quantity: QuantityRule::Setting("quantity"),
-        role: OutputRole::Plain,
-        count: OutputCount::One,
-        doc: "The number, in the SI unit of `quantity`; it holds while the input is silent.",
-    }],
-    example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#,
-};
+haptograph_engine::node! {
+    /// A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`,
+    /// a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a vector with `Pack`.
+    pub struct LiveInputSource as "LiveInput"(LiveInputSettings) in "sources";
+    example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#;
+    out VALUE: Scalar =
+        Port::of_setting("quantity", "The number, in the SI unit of `quantity`; it holds while the input \
+                                      is silent.");
+}
 
 /// The channel of such an endpoint.
 pub(crate) const VALUE: &[Channel] = &[Channel::new(

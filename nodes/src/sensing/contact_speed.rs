@@ -4,10 +4,9 @@ use super::speed::{SpeedEstimator, SpeedFilter};
 use crate::contact::Contact;
 use crate::filters::design_error;
 use crate::vector::{norm, reject};
-use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
+use haptograph_engine::frame::{Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Io, Latency, LiveId, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -19,54 +18,24 @@ haptograph_engine::settings! {
     }
 }
 
-/// Speed along a surface.
-pub struct ContactSpeed;
+haptograph_engine::node! {
+    /// The low-passed velocity of a tool, and its component along the touched surface. The low-pass also keeps the
+    /// texture's own vibration out of the speed.
+    pub struct ContactSpeed(ContactSpeedSettings) in "sensing";
+    source: "A.3.2";
+    example: r#""speed": ContactSpeed(contact: "touch.contact", cutoff_hz: 20.0)"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact, with the position of the tool.");
+    out SPEED: Scalar = Port::of(Quantity::SPEED, "Speed along the surface, m/s; zero in free space.");
+    out ALONG: Vector = Port::of(Quantity::SPEED, "Velocity along the surface, m/s; zero in free space.");
+    out VELOCITY: Vector = Port::of(Quantity::SPEED, "Velocity in all directions, m/s.");
+}
 
 impl NodeKind for ContactSpeed {
-    type Settings = ContactSpeedSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ContactSpeed",
-        group: "sensing",
-        doc: "The low-passed velocity of a tool, and its component along the touched surface. The low-pass also keeps \
-              the texture's own vibration out of the speed.",
-        source: "A.3.2",
-        inputs: &[input(
-            "contact",
-            Contact::KIND,
-            Quantity::NUMBER,
-            "The contact, with the position of the tool.",
-        )],
-        outputs: &[
-            output(
-                "speed",
-                Kind::SCALAR,
-                Quantity::SPEED,
-                "Speed along the surface, m/s; zero in free space.",
-            ),
-            output(
-                "along",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "Velocity along the surface, m/s; zero in free space.",
-            ),
-            output("velocity", Kind::VECTOR, Quantity::SPEED, "Velocity in all directions, m/s."),
-        ],
-        example: r#""speed": ContactSpeed(contact: "touch.contact", cutoff_hz: 20.0)"#,
-    };
-
     fn build(settings: ContactSpeedSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let filter = SpeedFilter::Butterworth { order: 2, cutoff_hz: settings.cutoff_hz };
         let estimator = SpeedEstimator::new(filter, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
         Ok(Built::new(Sliding { estimator }))
     }
-}
-
-impl ContactSpeed {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const SPEED: Output<Self, Scalar> = Output::named("speed");
-    const ALONG: Output<Self, Vector> = Output::named("along");
-    const VELOCITY: Output<Self, Vector> = Output::named("velocity");
-    const CUTOFF_HZ: LiveId<Self> = LiveId::named("cutoff_hz");
 }
 
 #[derive(Debug, Clone)]
@@ -87,8 +56,8 @@ impl Processor<ContactSpeed> for Sliding {
         }
     }
 
-    fn set(&mut self, setting: LiveId<ContactSpeed>, value: f64) {
-        if setting == ContactSpeed::CUTOFF_HZ {
+    fn set(&mut self, setting: LiveId<ContactSpeedSettings>, value: f64) {
+        if setting == ContactSpeedSettings::cutoff_hz {
             self.estimator.turn(value);
         }
     }
@@ -105,6 +74,7 @@ impl Processor<ContactSpeed> for Sliding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::OneKind;
     use haptograph_engine::frame::Record;
     use haptograph_engine::testing::Bench;
 

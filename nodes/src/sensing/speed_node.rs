@@ -1,9 +1,8 @@
 //! The node that computes the speed of a tool from its position.
 
-use haptograph_engine::frame::{Kind, Scalar, Vector};
+use haptograph_engine::frame::{Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, LiveId, NodeKind, NodeSpec, Optional, Output,
-    Processor, Tick, input, output,
+    BuildContext, BuildError, Built, Io, Latency, LiveId, NodeKind, Optional, Port, Processor, Tick,
 };
 use haptograph_signal::quantity::Quantity;
 use std::f64::consts::TAU;
@@ -31,43 +30,20 @@ haptograph_engine::settings! {
     }
 }
 
-/// Speed from position.
-pub struct SpeedEstimator;
+haptograph_engine::node! {
+    /// Computes speed from position: the difference between frames, low-passed per component, then its length.
+    pub struct SpeedEstimator(SpeedEstimatorSettings) in "sensing";
+    source: "2.4, 3.1.1, A.3.2";
+    example: r#""speed": SpeedEstimator(position: "stylus.position", cutoff_hz: 20.0)"#;
+    in POSITION: Vector = Port::of(Quantity::LENGTH, "Position of the tip, m.");
+    in TOUCHING: Scalar, Optional =
+        Port::of(Quantity::NUMBER, "0 while the tip is lifted: the speed is then zero, and a tip put down \
+                                    elsewhere has not moved.");
+    out SPEED: Scalar = Port::of(Quantity::SPEED, "Magnitude of the velocity, m/s.");
+    out VELOCITY: Vector = Port::of(Quantity::SPEED, "The smoothed velocity, m/s.");
+}
 
 impl NodeKind for SpeedEstimator {
-    type Settings = SpeedEstimatorSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SpeedEstimator",
-        group: "sensing",
-        doc: "Computes speed from position: the difference between frames, low-passed per component, then its length.",
-        source: "2.4, 3.1.1, A.3.2",
-        inputs: &[
-            input("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip, m."),
-            input(
-                "touching",
-                Kind::SCALAR,
-                Quantity::NUMBER,
-                "0 while the tip is lifted: the speed is then zero, and a tip put down elsewhere has not moved.",
-            )
-            .optional(),
-        ],
-        outputs: &[
-            output(
-                "speed",
-                Kind::SCALAR,
-                Quantity::SPEED,
-                "Magnitude of the velocity, m/s.",
-            ),
-            output(
-                "velocity",
-                Kind::VECTOR,
-                Quantity::SPEED,
-                "The smoothed velocity, m/s.",
-            ),
-        ],
-        example: r#""speed": SpeedEstimator(position: "stylus.position", cutoff_hz: 20.0)"#,
-    };
-
     fn build(settings: SpeedEstimatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (cutoff_hz, rate_hz) = (settings.cutoff_hz, cx.rate.hz());
         if cutoff_hz >= rate_hz / 2.0 {
@@ -85,14 +61,6 @@ impl NodeKind for SpeedEstimator {
         let estimator = speed::SpeedEstimator::new(filter, rate_hz).map_err(design_error("cutoff_hz"))?;
         Ok(Built::new(Estimating { estimator, per_hz, nyquist_hz: rate_hz / 2.0 }))
     }
-}
-
-impl SpeedEstimator {
-    const POSITION: Input<Self, Vector> = Input::named("position");
-    const TOUCHING: Input<Self, Scalar, Optional> = Input::named("touching");
-    const SPEED: Output<Self, Scalar> = Output::named("speed");
-    const VELOCITY: Output<Self, Vector> = Output::named("velocity");
-    const CUTOFF_HZ: LiveId<Self> = LiveId::named("cutoff_hz");
 }
 
 #[derive(Debug, Clone)]
@@ -119,8 +87,8 @@ impl Processor<SpeedEstimator> for Estimating {
         }
     }
 
-    fn set(&mut self, setting: LiveId<SpeedEstimator>, value: f64) {
-        if setting == SpeedEstimator::CUTOFF_HZ && value < self.nyquist_hz {
+    fn set(&mut self, setting: LiveId<SpeedEstimatorSettings>, value: f64) {
+        if setting == SpeedEstimatorSettings::cutoff_hz && value < self.nyquist_hz {
             self.estimator.turn(self.per_hz * value);
         }
     }
@@ -137,6 +105,7 @@ impl Processor<SpeedEstimator> for Estimating {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     fn bench(cutoff_hz: f64, smoothing: Smoothing) -> Result<Bench, BuildError> {

@@ -1,16 +1,10 @@
 //! Nodes of the studies of chapter 4: four conditions of responsiveness, a warning of too much
 //! force, and the time spent in each quadrant.
 
-use haptograph_engine::frame::{Kind, Scalar};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, LiveId, NodeKind, NodeSpec, Output, OutputSpec,
-    Processor, Tick, input, output,
-};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::MillimetresPerSecond;
-
-const SPEED: InputSpec = input("speed", Kind::SCALAR, Quantity::SPEED, "Speed along the surface, m/s.");
-const FORCE: InputSpec = input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N.");
 
 haptograph_engine::choices! {
     /// The inputs that a texture responds to (Table 4.1).
@@ -40,25 +34,19 @@ haptograph_engine::settings! {
     }
 }
 
-/// Removes the response to force or speed.
-pub struct Responsiveness;
+haptograph_engine::node! {
+    /// The four rendering conditions of the study on responsiveness: force or speed or both are replaced by constants.
+    /// There is no texture at rest or without force.
+    pub struct Responsiveness(ResponsivenessSettings) in "sensing";
+    source: "4.5.2, Table 4.1";
+    example: r#""felt": Responsiveness(speed: "speed.speed", force: "normal.load", condition: Speed)"#;
+    in SPEED: Scalar = Port::of(Quantity::SPEED, "Speed along the surface, m/s.");
+    in FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out SPEED_TO_RENDER as "speed": Scalar = Port::of(Quantity::SPEED, "Speed to render, m/s.");
+    out FORCE_TO_RENDER as "force": Scalar = Port::of(Quantity::FORCE, "Force to render, N.");
+}
 
 impl NodeKind for Responsiveness {
-    type Settings = ResponsivenessSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Responsiveness",
-        group: "sensing",
-        doc: "The four rendering conditions of the study on responsiveness: force or speed or both are replaced by \
-              constants. There is no texture at rest or without force.",
-        source: "4.5.2, Table 4.1",
-        inputs: &[SPEED, FORCE],
-        outputs: &[
-            output("speed", Kind::SCALAR, Quantity::SPEED, "Speed to render, m/s."),
-            output("force", Kind::SCALAR, Quantity::FORCE, "Force to render, N."),
-        ],
-        example: r#""felt": Responsiveness(speed: "speed.speed", force: "normal.load", condition: Speed)"#,
-    };
-
     fn build(settings: ResponsivenessSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (constant_m_s, constant_n) = (settings.constant_mm_s.si(), settings.constant_n);
         let (speed_m_s, force_n) = match settings.condition {
@@ -69,16 +57,6 @@ impl NodeKind for Responsiveness {
         };
         Ok(Built::new(Responding { speed_m_s, force_n, rest_m_s: settings.rest_mm_s.si() }))
     }
-}
-
-impl Responsiveness {
-    const SPEED: Input<Self, Scalar> = Input::named("speed");
-    const FORCE: Input<Self, Scalar> = Input::named("force");
-    const SPEED_TO_RENDER: Output<Self, Scalar> = Output::named("speed");
-    const FORCE_TO_RENDER: Output<Self, Scalar> = Output::named("force");
-    const CONSTANT_MM_S: LiveId<Self> = LiveId::named("constant_mm_s");
-    const CONSTANT_N: LiveId<Self> = LiveId::named("constant_n");
-    const REST_MM_S: LiveId<Self> = LiveId::named("rest_mm_s");
 }
 
 /// Constants that replace the hand's speed and force.
@@ -107,12 +85,12 @@ impl Processor<Responsiveness> for Responding {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Responsiveness>, value: f64) {
+    fn set(&mut self, setting: LiveId<ResponsivenessSettings>, value: f64) {
         // Inputs that it responds to do not change.
         match setting {
-            Responsiveness::CONSTANT_MM_S => self.speed_m_s = self.speed_m_s.map(|_| value),
-            Responsiveness::CONSTANT_N => self.force_n = self.force_n.map(|_| value),
-            Responsiveness::REST_MM_S => self.rest_m_s = value,
+            ResponsivenessSettings::constant_mm_s => self.speed_m_s = self.speed_m_s.map(|_| value),
+            ResponsivenessSettings::constant_n => self.force_n = self.force_n.map(|_| value),
+            ResponsivenessSettings::rest_mm_s => self.rest_m_s = value,
             _ => {}
         }
     }
@@ -128,21 +106,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Warns of too much force.
-pub struct ForceWarning;
+haptograph_engine::node! {
+    /// Warns when the hand presses harder than the arm can render.
+    pub struct ForceWarning(ForceWarningSettings) in "sensing";
+    source: "4.5.1";
+    example: r#""hard": ForceWarning(force: "normal.load", above_n: 2.75)"#;
+    in FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out WARNING: Scalar = Port::of(Quantity::NUMBER, "1 while it warns, else 0.");
+}
 
 impl NodeKind for ForceWarning {
-    type Settings = ForceWarningSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ForceWarning",
-        group: "sensing",
-        doc: "Warns when the hand presses harder than the arm can render.",
-        source: "4.5.1",
-        inputs: &[FORCE],
-        outputs: &[output("warning", Kind::SCALAR, Quantity::NUMBER, "1 while it warns, else 0.")],
-        example: r#""hard": ForceWarning(force: "normal.load", above_n: 2.75)"#,
-    };
-
     fn build(settings: ForceWarningSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Warning {
             above_n: settings.above_n,
@@ -150,12 +123,6 @@ impl NodeKind for ForceWarning {
             left: 0,
         }))
     }
-}
-
-impl ForceWarning {
-    const FORCE: Input<Self, Scalar> = Input::named("force");
-    const WARNING: Output<Self, Scalar> = Output::named("warning");
-    const ABOVE_N: LiveId<Self> = LiveId::named("above_n");
 }
 
 #[derive(Debug, Clone)]
@@ -176,8 +143,8 @@ impl Processor<ForceWarning> for Warning {
         }
     }
 
-    fn set(&mut self, setting: LiveId<ForceWarning>, value: f64) {
-        if setting == ForceWarning::ABOVE_N {
+    fn set(&mut self, setting: LiveId<ForceWarningSettings>, value: f64) {
+        if setting == ForceWarningSettings::above_n {
             self.above_n = value;
         }
     }
@@ -199,30 +166,20 @@ haptograph_engine::settings! {
     }
 }
 
-/// Time in each quadrant of force and speed.
-pub struct QuadrantDwell;
-
-const fn dwell(name: &'static str, doc: &'static str) -> OutputSpec {
-    output(name, Kind::SCALAR, Quantity::TIME, doc)
+haptograph_engine::node! {
+    /// Time that the hand has slid in each quadrant of force and speed. The study required 5 s in each.
+    pub struct QuadrantDwell(QuadrantDwellSettings) in "sensing";
+    source: "4.5.2";
+    example: r#""dwell": QuadrantDwell(speed: "speed.speed", force: "normal.load")"#;
+    in SPEED: Scalar = Port::of(Quantity::SPEED, "Speed along the surface, m/s.");
+    in FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out SLOW_LIGHT: Scalar = Port::of(Quantity::TIME, "Time slow and light, s.");
+    out FAST_LIGHT: Scalar = Port::of(Quantity::TIME, "Time fast and light, s.");
+    out SLOW_HARD: Scalar = Port::of(Quantity::TIME, "Time slow and hard, s.");
+    out FAST_HARD: Scalar = Port::of(Quantity::TIME, "Time fast and hard, s.");
 }
 
 impl NodeKind for QuadrantDwell {
-    type Settings = QuadrantDwellSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "QuadrantDwell",
-        group: "sensing",
-        doc: "Time that the hand has slid in each quadrant of force and speed. The study required 5 s in each.",
-        source: "4.5.2",
-        inputs: &[SPEED, FORCE],
-        outputs: &[
-            dwell("slow_light", "Time slow and light, s."),
-            dwell("fast_light", "Time fast and light, s."),
-            dwell("slow_hard", "Time slow and hard, s."),
-            dwell("fast_hard", "Time fast and hard, s."),
-        ],
-        example: r#""dwell": QuadrantDwell(speed: "speed.speed", force: "normal.load")"#,
-    };
-
     fn build(settings: QuadrantDwellSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Dwelling {
             centre_m_s: settings.centre_mm_s.si(),
@@ -232,18 +189,6 @@ impl NodeKind for QuadrantDwell {
             ticks: [0; 4],
         }))
     }
-}
-
-impl QuadrantDwell {
-    const SPEED: Input<Self, Scalar> = Input::named("speed");
-    const FORCE: Input<Self, Scalar> = Input::named("force");
-    const SLOW_LIGHT: Output<Self, Scalar> = Output::named("slow_light");
-    const FAST_LIGHT: Output<Self, Scalar> = Output::named("fast_light");
-    const SLOW_HARD: Output<Self, Scalar> = Output::named("slow_hard");
-    const FAST_HARD: Output<Self, Scalar> = Output::named("fast_hard");
-    const CENTRE_MM_S: LiveId<Self> = LiveId::named("centre_mm_s");
-    const CENTRE_N: LiveId<Self> = LiveId::named("centre_n");
-    const REST_MM_S: LiveId<Self> = LiveId::named("rest_mm_s");
 }
 
 #[derive(Debug, Clone)]
@@ -275,11 +220,11 @@ impl Processor<QuadrantDwell> for Dwelling {
         }
     }
 
-    fn set(&mut self, setting: LiveId<QuadrantDwell>, value: f64) {
+    fn set(&mut self, setting: LiveId<QuadrantDwellSettings>, value: f64) {
         match setting {
-            QuadrantDwell::CENTRE_MM_S => self.centre_m_s = value,
-            QuadrantDwell::CENTRE_N => self.centre_n = value,
-            QuadrantDwell::REST_MM_S => self.rest_m_s = value,
+            QuadrantDwellSettings::centre_mm_s => self.centre_m_s = value,
+            QuadrantDwellSettings::centre_n => self.centre_n = value,
+            QuadrantDwellSettings::rest_mm_s => self.rest_m_s = value,
             _ => {}
         }
     }
@@ -292,6 +237,7 @@ impl Processor<QuadrantDwell> for Dwelling {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     const BOTH: [Kind; 2] = [Kind::SCALAR; 2];

@@ -10,23 +10,21 @@ use crate::contact::mesh::{MeshError, TriangleMesh};
 use crate::contact::nodes::{Solid, SphereSettings, load_mesh, metres};
 use crate::vector::{add_scaled, direction};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_engine::frame::{Kind, Vector};
+use haptograph_engine::node::{BuildContext, BuildError, Port};
+use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Grams, Millimetres, NewtonsPerMillimetre};
 use std::any::Any;
 use std::sync::Arc;
 
-/// Reads a desktop arm.
-pub const ARM: NodeSpec = NodeSpec {
-    name: "Arm",
-    group: "sources",
-    doc: "A desktop arm: reads the position of its tip.",
-    source: "4.3",
-    inputs: &[],
-    outputs: &[output("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip (HIP), m.")],
-    example: r#""arm": Arm(clock: "servo", endpoint: "arm")"#,
-};
+haptograph_engine::node! {
+    /// A desktop arm: reads the position of its tip.
+    pub struct ArmSource as "Arm"(NoSettings) in "sources";
+    source: "4.3";
+    example: r#""arm": Arm(clock: "servo", endpoint: "arm")"#;
+    out POSITION: Vector = Port::of(Quantity::LENGTH, "Position of the tip (HIP), m.");
+}
 
 haptograph_engine::settings! {
     /// Settings of [`SimulatedOmni`].

@@ -2,27 +2,20 @@
 
 use crate::actuators::two_mass::{TwoMass, TwoMassMachine};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
-use haptograph_engine::settings::{DeclaredField, Fields, Reading, SettingSpec, Settings};
+use haptograph_engine::document::value::Value;
+use haptograph_engine::frame::{Kind, Scalar};
+use haptograph_engine::node::{BuildContext, BuildError, Port};
+use haptograph_engine::settings::{DeclaredField, EachField, NoSettings, Settings};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Grams, NewtonsPerMillimetre};
 
-/// Reads the accelerometer of a tool.
-pub const ACCELEROMETER: NodeSpec = NodeSpec {
-    name: "Accelerometer",
-    group: "sources",
-    doc: "Reads the acceleration of a tool along its actuator, which the hand feels.",
-    source: "3.1.2",
-    inputs: &[],
-    outputs: &[output(
-        "acceleration",
-        Kind::SCALAR,
-        Quantity::ACCELERATION,
-        "Acceleration of the tool, m/s2.",
-    )],
-    example: r#""felt": Accelerometer(clock: "audio", endpoint: "haptuator")"#,
-};
+haptograph_engine::node! {
+    /// Reads the acceleration of a tool along its actuator, which the hand feels.
+    pub struct AccelerometerSource as "Accelerometer"(NoSettings) in "sources";
+    source: "3.1.2";
+    example: r#""felt": Accelerometer(clock: "audio", endpoint: "haptuator")"#;
+    out ACCELERATION: Scalar = Port::of(Quantity::ACCELERATION, "Acceleration of the tool, m/s2.");
+}
 
 haptograph_engine::settings! {
     /// The masses, springs and dampers of a voice-coil actuator on a tool in a hand. The defaults are placeholders,
@@ -101,20 +94,19 @@ pub struct SimulatedHaptuatorSettings {
 }
 
 impl Settings for SimulatedHaptuatorSettings {
+    const NAME: &'static str = "SimulatedHaptuatorSettings";
+    const DOC: &'static str = "Settings of a simulated actuator.";
     /// No setting of a device is live.
     const FIELDS: &'static [DeclaredField] = &[];
 
-    fn specs() -> Vec<SettingSpec> {
-        let (mut specs, tolerance) = (TwoMassSettings::specs(), ToleranceSettings::specs());
-        specs.extend(tolerance);
-        specs
+    fn each<V: EachField>(visitor: &mut V) -> Option<Self> {
+        // Both are visited before the first `?`, so that all errors are reported.
+        let (model, tolerance) = (TwoMassSettings::each(visitor), ToleranceSettings::each(visitor));
+        Some(Self { model: model?, tolerance: tolerance? })
     }
 
-    fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self> {
-        // Both are read before the first `?`, so that all errors are reported.
-        let model = TwoMassSettings::take_from(fields, reading);
-        let tolerance = ToleranceSettings::take_from(fields, reading);
-        Some(Self { model: model?, tolerance: tolerance? })
+    fn fields(&self) -> Vec<(&'static str, Value)> {
+        [self.model.fields(), self.tolerance.fields()].concat()
     }
 }
 

@@ -10,49 +10,31 @@ use super::pen_object::{PEN_OBJECT_RATE_HZ, PenObject, PenObjectSettings};
 use super::touchable::Touchable;
 use crate::contact::object::{CubeSettings, Object, on_sensor};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
+use haptograph_engine::node::{BuildContext, BuildError, Port};
+use haptograph_engine::settings::NoSettings;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Grams, Millimetres};
 use std::any::Any;
 
-/// Reads a force/torque sensor.
-pub const FORCE_TORQUE_SENSOR: NodeSpec = NodeSpec {
-    name: "ForceTorqueSensor",
-    group: "sources",
-    doc: "A six-axis force/torque sensor under an object: the wrench on the object, zeroed with the object on it.",
-    source: "5.2.1",
-    inputs: &[],
-    outputs: &[output(
-        "wrench",
-        Kind::WRENCH,
-        Quantity::FORCE,
-        "Wrench on the object in the sensor's frame, N and N m.",
-    )],
-    example: r#""sensor": ForceTorqueSensor(clock: "servo", endpoint: "pen")"#,
-};
+haptograph_engine::node! {
+    /// A six-axis force/torque sensor under an object: the wrench on the object, zeroed with the object on it.
+    pub struct ForceTorqueSensorSource as "ForceTorqueSensor"(NoSettings) in "sources";
+    source: "5.2.1";
+    example: r#""sensor": ForceTorqueSensor(clock: "servo", endpoint: "pen")"#;
+    out WRENCH: Wrench = Port::of(Quantity::FORCE, "Wrench on the object in the sensor's frame, N and N m.");
+}
 
-/// Reads the true contact of a simulation.
-pub const TRUE_CONTACT: NodeSpec = NodeSpec {
-    name: "TrueContact",
-    group: "sources",
-    doc: "Reads the true contact, which exists only in a simulation, to compare it with a measurement.",
-    source: "",
-    inputs: &[],
-    outputs: &[
-        output("true_position", Kind::VECTOR, Quantity::LENGTH, "True point of contact, m."),
-        output(
-            "true_velocity",
-            Kind::VECTOR,
-            Quantity::SPEED,
-            "True velocity of the pen along the surface, m/s.",
-        ),
-        output("true_load", Kind::SCALAR, Quantity::FORCE, "True normal force, N; zero in free space."),
-        output("true_friction", Kind::VECTOR, Quantity::FORCE, "True friction on the pen, N."),
-    ],
-    example: r#""truth": TrueContact(clock: "servo", endpoint: "pen")"#,
-};
+haptograph_engine::node! {
+    /// Reads the true contact, which exists only in a simulation, to compare it with a measurement.
+    pub struct TrueContactSource as "TrueContact"(NoSettings) in "sources";
+    example: r#""truth": TrueContact(clock: "servo", endpoint: "pen")"#;
+    out TRUE_POSITION: Vector = Port::of(Quantity::LENGTH, "True point of contact, m.");
+    out TRUE_VELOCITY: Vector = Port::of(Quantity::SPEED, "True velocity of the pen along the surface, m/s.");
+    out TRUE_LOAD: Scalar = Port::of(Quantity::FORCE, "True normal force, N; zero in free space.");
+    out TRUE_FRICTION: Vector = Port::of(Quantity::FORCE, "True friction on the pen, N.");
+}
 
 haptograph_engine::settings! {
     /// Knocks on the table.

@@ -8,8 +8,9 @@ use super::tool::{SUBSTEPS, SimulatedTool, TOOL_RATE_HZ, ToolGrip, ToolReading};
 use crate::sinks::recording::Motion;
 use crate::vector::{Vec3, add_scaled, cross, dot};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_engine::frame::{Kind, Vector, Wrench};
+use haptograph_engine::node::{BuildContext, BuildError, Port};
+use haptograph_engine::settings::NoSettings;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Degrees, Millimetres};
@@ -20,35 +21,25 @@ const ACCELERATION: &str =
     "Acceleration less gravity in the tool's frame, m/s2, as an accelerometer measures it.";
 const WRENCH: &str = "Load of the surface on the tool, at the force sensor and in its frame, N and N m.";
 
-/// Reads a recording tool.
-pub const RECORDING_TOOL: NodeSpec = NodeSpec {
-    name: "RecordingTool",
-    group: "sources",
-    doc: "A tool that records surfaces: the true quantities at the places of its sensors.",
-    source: "2.2.1",
-    inputs: &[],
-    outputs: &[
-        output("position", Kind::VECTOR, Quantity::LENGTH, POSITION),
-        output("orientation", Kind::VECTOR, Quantity::ANGLE, ORIENTATION),
-        output("acceleration", Kind::VECTOR, Quantity::ACCELERATION, ACCELERATION),
-        output("wrench", Kind::WRENCH, Quantity::FORCE, WRENCH),
-    ],
-    example: r#""tool": RecordingTool(clock: "daq", endpoint: "tool")"#,
-};
+haptograph_engine::node! {
+    /// A tool that records surfaces: the true quantities at the places of its sensors.
+    pub struct RecordingToolSource as "RecordingTool"(NoSettings) in "sources";
+    source: "2.2.1";
+    example: r#""tool": RecordingTool(clock: "daq", endpoint: "tool")"#;
+    out POSITION: Vector = Port::of(Quantity::LENGTH, POSITION);
+    out ORIENTATION: Vector = Port::of(Quantity::ANGLE, ORIENTATION);
+    out ACCELERATION: Vector = Port::of(Quantity::ACCELERATION, ACCELERATION);
+    out WRENCH: Wrench = Port::of(Quantity::FORCE, WRENCH);
+}
 
-/// Reads a tracker.
-pub const TRACKER: NodeSpec = NodeSpec {
-    name: "Tracker",
-    group: "sources",
-    doc: "A tracker on a tool: position and orientation of its sensor.",
-    source: "2.2.1",
-    inputs: &[],
-    outputs: &[
-        output("position", Kind::VECTOR, Quantity::LENGTH, POSITION),
-        output("orientation", Kind::VECTOR, Quantity::ANGLE, ORIENTATION),
-    ],
-    example: r#""tracker": Tracker(clock: "tracker", endpoint: "tool")"#,
-};
+haptograph_engine::node! {
+    /// A tracker on a tool: position and orientation of its sensor.
+    pub struct TrackerSource as "Tracker"(NoSettings) in "sources";
+    source: "2.2.1";
+    example: r#""tracker": Tracker(clock: "tracker", endpoint: "tool")"#;
+    out POSITION: Vector = Port::of(Quantity::LENGTH, POSITION);
+    out ORIENTATION: Vector = Port::of(Quantity::ANGLE, ORIENTATION);
+}
 
 haptograph_engine::settings! {
     /// Settings of [`SimulatedRecordingTool`].

@@ -6,10 +6,9 @@ use super::orientation::{from_rotation_vector, rotation_vector};
 use super::tracker::TrackerSettings;
 use crate::sinks::recording::Motion;
 use crate::vector::Vec3;
-use haptograph_engine::frame::{Kind, Vector, Wrench};
+use haptograph_engine::frame::{Vector, Wrench};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick, input,
-    output,
+    BuildContext, BuildError, Built, Io, Latency, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Degrees, Millimetres, NewtonMillimetres};
@@ -34,27 +33,17 @@ haptograph_engine::settings! {
     }
 }
 
-/// Three-axis accelerometer, filter and converter.
-pub struct AccelerometerModel;
+haptograph_engine::node! {
+    /// Models an analogue three-axis accelerometer with anti-aliasing filter and converter. The defaults are the thesis's:
+    /// +-18 g, 0.126 m/s2 of noise, a five-pole Bessel low-pass at 1000 Hz, 16 bits.
+    pub struct AccelerometerModel(AccelerometerModelSettings) in "sensors";
+    source: "2.2.1";
+    example: r#""accelerometer": AccelerometerModel(acceleration: "tool.acceleration")"#;
+    in ACCELERATION: Vector = Port::of(Quantity::ACCELERATION, "Acceleration less gravity, m/s2.");
+    out VOLTAGE: Vector = Port::of(Quantity::VOLTAGE, "Readings of the three axes, V.");
+}
 
 impl NodeKind for AccelerometerModel {
-    type Settings = AccelerometerModelSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "AccelerometerModel",
-        group: "sensors",
-        doc: "Models an analogue three-axis accelerometer with anti-aliasing filter and converter. The \
-              defaults are the thesis's: +-18 g, 0.126 m/s2 of noise, a five-pole Bessel low-pass at 1000 Hz, 16 bits.",
-        source: "2.2.1",
-        inputs: &[input(
-            "acceleration",
-            Kind::VECTOR,
-            Quantity::ACCELERATION,
-            "Acceleration less gravity, m/s2.",
-        )],
-        outputs: &[output("voltage", Kind::VECTOR, Quantity::VOLTAGE, "Readings of the three axes, V.")],
-        example: r#""accelerometer": AccelerometerModel(acceleration: "tool.acceleration")"#,
-    };
-
     fn build(settings: AccelerometerModelSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let settings = AccelerometerSettings {
             m_s2_per_v: settings.m_s2_per_v,
@@ -69,11 +58,6 @@ impl NodeKind for AccelerometerModel {
             .map_err(|error| BuildError::at("cutoff_hz", error.to_string()))?;
         Ok(Built::new(Accelerometer(sensor)))
     }
-}
-
-impl AccelerometerModel {
-    const ACCELERATION: Input<Self, Vector> = Input::named("acceleration");
-    const VOLTAGE: Output<Self, Vector> = Output::named("voltage");
 }
 
 #[derive(Debug, Clone)]
@@ -115,44 +99,24 @@ haptograph_engine::settings! {
     }
 }
 
-/// Quantised position and orientation.
-pub struct TrackerModel;
+haptograph_engine::node! {
+    /// Models a magnetic tracker: quantised position and angles, at the rate of its clock. The defaults are the thesis's:
+    /// 0.5 mm and 0.1 degrees, and 0.06 um for the machine that presses.
+    pub struct TrackerModel(TrackerModelSettings) in "sensors";
+    source: "2.2.1, 3.2.2";
+    example: r#""tracker": TrackerModel(clock: "tracker", position: Hold("tool.position"), orientation: Hold("tool.orientation"))"#;
+    in POSITION: Vector = Port::of(Quantity::LENGTH, "Position of the tracker's sensor, m.");
+    in ORIENTATION: Vector = Port::of(Quantity::ANGLE, "Orientation as axis times angle, rad.");
+    out POSITION_READING as "position": Vector = Port::of(Quantity::LENGTH, "Position reading, m.");
+    out ORIENTATION_READING as "orientation": Vector =
+        Port::of(Quantity::ANGLE, "Orientation reading, axis times angle, rad.");
+}
 
 impl NodeKind for TrackerModel {
-    type Settings = TrackerModelSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "TrackerModel",
-        group: "sensors",
-        doc: "Models a magnetic tracker: quantised position and angles, at the rate of its clock. The defaults are \
-              the thesis's: 0.5 mm and 0.1 degrees, and 0.06 um for the machine that presses.",
-        source: "2.2.1, 3.2.2",
-        inputs: &[
-            input("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tracker's sensor, m."),
-            input("orientation", Kind::VECTOR, Quantity::ANGLE, "Orientation as axis times angle, rad."),
-        ],
-        outputs: &[
-            output("position", Kind::VECTOR, Quantity::LENGTH, "Position reading, m."),
-            output(
-                "orientation",
-                Kind::VECTOR,
-                Quantity::ANGLE,
-                "Orientation reading, axis times angle, rad.",
-            ),
-        ],
-        example: r#""tracker": TrackerModel(clock: "tracker", position: Hold("tool.position"), orientation: Hold("tool.orientation"))"#,
-    };
-
     fn build(settings: TrackerModelSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let step = if settings.motion == Motion::Press { settings.machine_step_mm } else { settings.step_mm };
         Ok(Built::new(Tracker(TrackerSettings { step_m: step.si(), step_rad: settings.step_deg.si() })))
     }
-}
-
-impl TrackerModel {
-    const POSITION: Input<Self, Vector> = Input::named("position");
-    const ORIENTATION: Input<Self, Vector> = Input::named("orientation");
-    const POSITION_READING: Output<Self, Vector> = Output::named("position");
-    const ORIENTATION_READING: Output<Self, Vector> = Output::named("orientation");
 }
 
 #[derive(Debug, Clone)]
@@ -188,22 +152,17 @@ haptograph_engine::settings! {
     }
 }
 
-/// Six-axis force/torque sensor.
-pub struct ForceSensorModel;
+haptograph_engine::node! {
+    /// Models a six-axis force/torque sensor: noise, saturation, quantisation. The defaults are those of a Nano17
+    /// SI-25-0.25.
+    pub struct ForceSensorModel(ForceSensorModelSettings) in "sensors";
+    source: "2.2.1";
+    example: r#""force": ForceSensorModel(wrench: "tool.wrench")"#;
+    in WRENCH: Wrench = Port::of(Quantity::FORCE, "The load, N and N m.");
+    out READING as "wrench": Wrench = Port::of(Quantity::FORCE, "Load reading, N and N m.");
+}
 
 impl NodeKind for ForceSensorModel {
-    type Settings = ForceSensorModelSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ForceSensorModel",
-        group: "sensors",
-        doc: "Models a six-axis force/torque sensor: noise, saturation, quantisation. The defaults are those of a Nano17 \
-              SI-25-0.25.",
-        source: "2.2.1",
-        inputs: &[input("wrench", Kind::WRENCH, Quantity::FORCE, "The load, N and N m.")],
-        outputs: &[output("wrench", Kind::WRENCH, Quantity::FORCE, "Load reading, N and N m.")],
-        example: r#""force": ForceSensorModel(wrench: "tool.wrench")"#,
-    };
-
     fn build(settings: ForceSensorModelSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         if settings.most_force_n.iter().any(|most| *most <= 0.0) {
             return Err(BuildError::at("most_force_n", "the largest forces have to be above zero"));
@@ -220,11 +179,6 @@ impl NodeKind for ForceSensorModel {
             .map_err(|error| BuildError::of_node(error.to_string()))?;
         Ok(Built::new(ForceSensor(sensor)))
     }
-}
-
-impl ForceSensorModel {
-    const WRENCH: Input<Self, Wrench> = Input::named("wrench");
-    const READING: Output<Self, Wrench> = Output::named("wrench");
 }
 
 #[derive(Debug, Clone)]

@@ -3,24 +3,20 @@
 use super::drawing::DrawingSettings;
 use super::tablet::{self, TABLET_RATE_HZ, TabletReading};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_engine::frame::{Kind, Scalar, Vector};
+use haptograph_engine::node::{BuildContext, BuildError, Port};
+use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 
-/// Reads a pen tablet.
-pub const TABLET: NodeSpec = NodeSpec {
-    name: "Tablet",
-    group: "sources",
-    doc: "A pen tablet: reads the position and the force of its stylus.",
-    source: "3.1.1",
-    inputs: &[],
-    outputs: &[
-        output("position", Kind::VECTOR, Quantity::LENGTH, "Position of the tip, m; z is zero."),
-        output("force", Kind::SCALAR, Quantity::FORCE, "Normal force of the tip, N; zero while lifted."),
-        output("touching", Kind::SCALAR, Quantity::NUMBER, "1 while the tip touches, else 0."),
-    ],
-    example: r#""stylus": Tablet(clock: "tablet", endpoint: "stylus")"#,
-};
+haptograph_engine::node! {
+    /// A pen tablet: reads the position and the force of its stylus.
+    pub struct TabletSource as "Tablet"(NoSettings) in "sources";
+    source: "3.1.1";
+    example: r#""stylus": Tablet(clock: "tablet", endpoint: "stylus")"#;
+    out POSITION: Vector = Port::of(Quantity::LENGTH, "Position of the tip, m; z is zero.");
+    out FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force of the tip, N; zero while lifted.");
+    out TOUCHING: Scalar = Port::of(Quantity::NUMBER, "1 while the tip touches, else 0.");
+}
 
 /// A tablet that a simulated hand draws on.
 pub struct SimulatedTablet;

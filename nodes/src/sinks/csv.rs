@@ -1,10 +1,7 @@
 //! A sink that writes signals to a CSV file.
 
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{
-    BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec, KindRule, NodeSpec, Presence,
-    QuantityRule, Stream,
-};
+use haptograph_engine::frame::{AnyKind, Kind};
+use haptograph_engine::node::{BuildError, FileContext, FileKind, FileSink, FrameWriter, Many, Port, Stream};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Write};
@@ -22,30 +19,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Writes signals of one rate to a CSV file.
-pub struct CsvSink;
+haptograph_engine::node! {
+    /// Writes signals of one rate to a CSV file: a column `time_s`, then one for each component of each signal, named after
+    /// its port with its SI unit: `stylus.force_n`. Numbers have full precision. Beside it, `<file>.ron` states what the
+    /// columns are and whether they were simulated.
+    pub struct CsvSink(CsvSinkSettings) in "sinks";
+    example: r#""table": CsvSink(inputs: ["stylus.position", "stylus.force"], file: "stylus.csv")"#;
+    in INPUTS: AnyKind, Many = Port::any("Signals of any kinds and quantities, all of one rate.");
+}
 
 impl FileKind for CsvSink {
-    type Settings = CsvSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "CsvSink",
-        group: "sinks",
-        doc: "Writes signals of one rate to a CSV file: a column `time_s`, then one for each component of each signal, \
-              named after its port with its SI unit: `stylus.force_n`. Numbers have full precision. Beside it, `<file>.ron` states what \
-              the columns are and whether they were simulated.",
-        source: "",
-        inputs: &[InputSpec {
-            name: "inputs",
-            kind: KindRule::Any,
-            quantity: QuantityRule::Any,
-            flow: Flow::Sampled,
-            presence: Presence::Many,
-            doc: "Signals of any kinds and quantities, all of one rate.",
-        }],
-        outputs: &[],
-        example: r#""table": CsvSink(inputs: ["stylus.position", "stylus.force"], file: "stylus.csv")"#,
-    };
-
     fn build(settings: CsvSinkSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         let streams = &cx.streams;
         if let Some(other) = streams.iter().find(|stream| stream.rate != streams[0].rate) {

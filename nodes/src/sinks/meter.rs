@@ -1,9 +1,8 @@
 //! A meter of RMS and peak.
 
-use haptograph_engine::frame::{Kind, Linear, Scalar};
+use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputCount,
-    OutputRole, OutputSpec, Processor, QuantityRule, Tick, any_input,
+    BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, QuantityRule, Tick,
 };
 
 haptograph_engine::settings! {
@@ -14,25 +13,19 @@ haptograph_engine::settings! {
     }
 }
 
-/// Peak and root mean square.
-pub struct Meter;
+haptograph_engine::node! {
+    /// The level of a signal: the root of its exponentially weighted mean square, and a peak that decays with the same time
+    /// constant. For a vector they measure its length.
+    pub struct Meter(MeterSettings) in "sinks";
+    example: r#""level": Meter(input: "texture.acceleration", window_s: 0.3)"#;
+    in INPUT: Linear = Port::any("The signal.");
+    out RMS: Scalar =
+        Port::any("Root mean square over the time constant.").carrying(QuantityRule::Same("input"));
+    out PEAK: Scalar =
+        Port::any("Largest magnitude, with exponential decay.").carrying(QuantityRule::Same("input"));
+}
 
 impl NodeKind for Meter {
-    type Settings = MeterSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Meter",
-        group: "sinks",
-        doc: "The level of a signal: the root of its exponentially weighted mean square, and a peak that decays with \
-              the same time constant. For a vector they measure its length.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[
-            level("rms", "Root mean square over the time constant."),
-            level("peak", "Largest magnitude, with exponential decay."),
-        ],
-        example: r#""level": Meter(input: "texture.acceleration", window_s: 0.3)"#,
-    };
-
     fn build(settings: MeterSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Level {
             keep: keep(cx.rate.period_s(), settings.window_s),
@@ -43,27 +36,9 @@ impl NodeKind for Meter {
     }
 }
 
-impl Meter {
-    const INPUT: Input<Self, Linear> = Input::named("input");
-    const RMS: Output<Self, Scalar> = Output::named("rms");
-    const PEAK: Output<Self, Scalar> = Output::named("peak");
-    const WINDOW_S: LiveId<Self> = LiveId::named("window_s");
-}
-
 /// Decay factor per frame.
 fn keep(period_s: f64, window_s: f64) -> f64 {
     (-period_s / window_s).exp()
-}
-
-const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
-    OutputSpec {
-        name,
-        kind: KindRule::Is(Kind::SCALAR),
-        quantity: QuantityRule::Same("input"),
-        role: OutputRole::Plain,
-        count: OutputCount::One,
-        doc,
-    }
 }
 
 #[derive(Debug, Clone)]
@@ -89,8 +64,8 @@ impl Processor<Meter> for Level {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Meter>, value: f64) {
-        if setting == Meter::WINDOW_S {
+    fn set(&mut self, setting: LiveId<MeterSettings>, value: f64) {
+        if setting == MeterSettings::window_s {
             self.keep = keep(self.period_s, value);
         }
     }
@@ -107,6 +82,7 @@ fn flushed(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]

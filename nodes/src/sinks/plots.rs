@@ -2,11 +2,8 @@
 //! rate; the page is their file, so they write none of their own.
 
 use crate::contact::Contact;
-use haptograph_engine::frame::{Kind, OneKind};
-use haptograph_engine::node::{
-    BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec, KindRule, NodeSpec, Presence,
-    QuantityRule, Stream,
-};
+use haptograph_engine::frame::{AnyKind, Kind, OneKind, Scalar};
+use haptograph_engine::node::{BuildError, FileContext, FileKind, FileSink, FrameWriter, Many, Port, Stream};
 use haptograph_engine::settings::NoSettings;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,75 +11,43 @@ use std::path::{Path, PathBuf};
 /// The group of the nodes of this file.
 pub const GROUP: &str = "plots";
 
-const fn any(name: &'static str, kind: KindRule, presence: Presence, doc: &'static str) -> InputSpec {
-    InputSpec { name, kind, quantity: QuantityRule::Any, flow: Flow::Sampled, presence, doc }
+haptograph_engine::node! {
+    /// Requests a plot of signals over time on the page of a run, under the name of this node: signals of one quantity in
+    /// one frame. For a vector, its length is drawn.
+    pub struct TimePlot(NoSettings) in GROUP;
+    example: r#""forces": TimePlot(inputs: ["stylus.force", "speed.speed"])"#;
+    in INPUTS: AnyKind, Many = Port::any("Scalars, 3-vectors or events of any quantities and rates.");
 }
 
-/// Signals over time.
-pub struct TimePlot;
-
 impl FileKind for TimePlot {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "TimePlot",
-        group: GROUP,
-        doc: "Requests a plot of signals over time on the page of a run, under the name of this node: signals of one \
-              quantity in one frame. For a vector, its length is drawn.",
-        source: "",
-        inputs: &[any(
-            "inputs",
-            KindRule::Any,
-            Presence::Many,
-            "Scalars, 3-vectors or events of any quantities and rates.",
-        )],
-        outputs: &[],
-        example: r#""forces": TimePlot(inputs: ["stylus.force", "speed.speed"])"#,
-    };
-
     fn build(_: NoSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         require(&cx.streams, &[Kind::SCALAR, Kind::VECTOR, Kind::EVENT])
     }
 }
 
-/// One signal against another.
-pub struct XyPlot;
+haptograph_engine::node! {
+    /// Requests a plot of signals against another on the page of a run, under the name of this node.
+    pub struct XyPlot(NoSettings) in GROUP;
+    example: r#""force by speed": XyPlot(x: "speed.speed", y: ["stylus.force"])"#;
+    in X: Scalar = Port::any("Across.");
+    in Y: AnyKind, Many = Port::any("Upwards: scalars, or lengths of 3-vectors.");
+}
 
 impl FileKind for XyPlot {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "XyPlot",
-        group: GROUP,
-        doc: "Requests a plot of signals against another on the page of a run, under the name of this node.",
-        source: "",
-        inputs: &[
-            any("x", KindRule::Is(Kind::SCALAR), Presence::Required, "Across."),
-            any("y", KindRule::Any, Presence::Many, "Upwards: scalars, or lengths of 3-vectors."),
-        ],
-        outputs: &[],
-        example: r#""force by speed": XyPlot(x: "speed.speed", y: ["stylus.force"])"#,
-    };
-
     fn build(_: NoSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         require(&cx.streams, &[Kind::SCALAR, Kind::VECTOR])
     }
 }
 
-/// Paths seen from above.
-pub struct PathPlot;
+haptograph_engine::node! {
+    /// Requests a plot of paths seen from above (x to the right, y upwards) on the page of a run, under the name of this
+    /// node. For a contact, the path of its proxy is drawn while it touches.
+    pub struct PathPlot(NoSettings) in GROUP;
+    example: r#""strokes": PathPlot(inputs: ["stylus.position"])"#;
+    in INPUTS: AnyKind, Many = Port::any("3-vectors of one quantity, or contacts.");
+}
 
 impl FileKind for PathPlot {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "PathPlot",
-        group: GROUP,
-        doc: "Requests a plot of paths seen from above (x to the right, y upwards) on the page of a run, under the \
-              name of this node. For a contact, the path of its proxy is drawn while it touches.",
-        source: "",
-        inputs: &[any("inputs", KindRule::Any, Presence::Many, "3-vectors of one quantity, or contacts.")],
-        outputs: &[],
-        example: r#""strokes": PathPlot(inputs: ["stylus.position"])"#,
-    };
-
     fn build(_: NoSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         require(&cx.streams, &[Kind::VECTOR, Contact::KIND])
     }

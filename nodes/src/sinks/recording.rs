@@ -3,9 +3,9 @@
 use super::visits::{Visited, Visits};
 use super::{inside_the_run, sync};
 use crate::simulated::orientation::{from_rotation_vector, rotation_of};
-use haptograph_engine::frame::Kind;
+use haptograph_engine::frame::{self, Vector};
 use haptograph_engine::node::{
-    BuildError, FileContext, FileKind, FileProgress, FileSink, FrameWriter, NodeSpec, Stream, input,
+    BuildError, FileContext, FileKind, FileProgress, FileSink, FrameWriter, Port, Stream,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Degrees, Millimetres};
@@ -66,47 +66,24 @@ haptograph_engine::settings! {
     }
 }
 
-/// Writes a recording of a surface.
-pub struct RecordingSink;
+haptograph_engine::node! {
+    /// Writes the signals of a recording tool to one file, each sensor at its own rate, with the calibration that makes
+    /// physical quantities of the readings, and the provenance. During the run the readings go to a folder `<file>.part`,
+    /// at least once a second; the file is made from it at the end. A CSV file is written directly, calibrated. Surfaces
+    /// are learned from both. During a Drag the terminal shows which areas of speed and force have been visited, and what
+    /// to record next.
+    pub struct RecordingSink(RecordingSinkSettings) in "sinks";
+    source: "2.2";
+    example: r#""recording": RecordingSink(
+    position: "tracker.position", orientation: "tracker.orientation", wrench: "force", voltage: "accelerometer",
+    file: "recording.npz", motion: Drag, material: "T2", m_s2_per_v: 172.1, zero_v: 1.5)"#;
+    in POSITION: Vector = Port::of(Quantity::LENGTH, "Position of the tracker's sensor in the world, m.");
+    in ORIENTATION: Vector = Port::of(Quantity::ANGLE, "Rotation from tool to world, axis times angle, rad.");
+    in WRENCH: frame::Wrench = Port::of(Quantity::FORCE, "Load on the tool in the force sensor's frame, N and N m.");
+    in VOLTAGE: Vector = Port::of(Quantity::VOLTAGE, "Readings of the accelerometer's axes, V.");
+}
 
 impl FileKind for RecordingSink {
-    type Settings = RecordingSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "RecordingSink",
-        group: "sinks",
-        doc: "Writes the signals of a recording tool to one file, each sensor at its own rate, with the calibration that makes physical \
-              quantities of the readings, and the provenance. During the run the readings go to a folder `<file>.part`, \
-              at least once a second; the file is made from it at the end. A CSV file is written directly, calibrated. Surfaces are \
-              learned from both. During a Drag the terminal shows which areas of speed and force have been \
-              visited, and what to record next.",
-        source: "2.2",
-        inputs: &[
-            input(
-                "position",
-                Kind::VECTOR,
-                Quantity::LENGTH,
-                "Position of the tracker's sensor in the world, m.",
-            ),
-            input(
-                "orientation",
-                Kind::VECTOR,
-                Quantity::ANGLE,
-                "Rotation from tool to world, axis times angle, rad.",
-            ),
-            input(
-                "wrench",
-                Kind::WRENCH,
-                Quantity::FORCE,
-                "Load on the tool in the force sensor's frame, N and N m.",
-            ),
-            input("voltage", Kind::VECTOR, Quantity::VOLTAGE, "Readings of the accelerometer's axes, V."),
-        ],
-        outputs: &[],
-        example: r#""recording": RecordingSink(
-    position: "tracker.position", orientation: "tracker.orientation", wrench: "force", voltage: "accelerometer",
-    file: "recording.npz", motion: Drag, material: "T2", m_s2_per_v: 172.1, zero_v: 1.5)"#,
-    };
-
     fn build(settings: RecordingSinkSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         if let [position, orientation, ..] = cx.streams.as_slice()
             && position.rate != orientation.rate

@@ -1,8 +1,7 @@
 //! A sink that writes a signal to a WAV file of 32-bit floats.
 
-use haptograph_engine::node::{
-    BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
-};
+use haptograph_engine::frame::Linear;
+use haptograph_engine::node::{BuildError, FileContext, FileKind, FileSink, FrameWriter, Port, Stream};
 use haptograph_signal::files::{self, write_atomically_by};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -21,23 +20,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Writes a signal to a WAV file.
-pub struct WavSink;
+haptograph_engine::node! {
+    /// Writes a signal at its own rate to a WAV file of 32-bit floats, one channel per component. At least once a second
+    /// its header is updated, so that the file is valid however the run ends; beyond 4 GiB it becomes RF64. Beside it,
+    /// `<file>.ron` states the value of full scale and whether the signal was simulated.
+    pub struct WavSink(WavSinkSettings) in "sinks";
+    example: r#""record": WavSink(input: "texture.acceleration", file: "texture.wav", full_scale: 20.0)"#;
+    in INPUT: Linear = Port::any("The signal.");
+}
 
 impl FileKind for WavSink {
-    type Settings = WavSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "WavSink",
-        group: "sinks",
-        doc: "Writes a signal at its own rate to a WAV file of 32-bit floats, one channel per component. At least once \
-              a second its header is updated, so that the file is valid however the run ends; beyond 4 GiB it becomes RF64. Beside it, \
-              `<file>.ron` states the value of full scale and whether the signal was simulated.",
-        source: "",
-        inputs: &[any_input("input", "The signal.")],
-        outputs: &[],
-        example: r#""record": WavSink(input: "texture.acceleration", file: "texture.wav", full_scale: 20.0)"#,
-    };
-
     fn build(settings: WavSinkSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
         for stream in &cx.streams {
             whole_rate(stream)?;

@@ -4,8 +4,9 @@
 use super::card::{Card, CardFormat, CardInput, CardOutput};
 use crate::actuators::limit::VoltageLimitSettings;
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output};
+use haptograph_engine::frame::{Kind, Scalar};
+use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, Port};
+use haptograph_engine::settings::NoSettings;
 use haptograph_engine::silence::OnSilence;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Milliseconds;
@@ -203,35 +204,25 @@ haptograph_engine::settings! {
     }
 }
 
-/// Drives an actuator by voltage through a soundcard.
-pub struct SoundcardSink;
+haptograph_engine::node! {
+    /// Drives an actuator by voltage through a soundcard, within limits that the graph has to state. NaN and infinity
+    /// become zero. An actuator that is driven by current uses an `ActuatorSink` on a `Soundcard`.
+    pub struct SoundcardSink(SoundcardSinkSettings) in "sinks";
+    example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#;
+    in VOLTAGE: Scalar = Port::of(Quantity::VOLTAGE, "Requested voltage, V.");
+    out DELIVERED: Scalar = Port::of(Quantity::VOLTAGE, "Voltage after the limit, V.");
+}
 
 impl ActuatorKind for SoundcardSink {
-    type Settings = SoundcardSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SoundcardSink",
-        group: "sinks",
-        doc: "Drives an actuator by voltage through a soundcard, within limits that the graph has to state. NaN and \
-              infinity become zero. An actuator that is driven by current uses an `ActuatorSink` on a `Soundcard`.",
-        source: "",
-        inputs: &[input("voltage", Kind::SCALAR, Quantity::VOLTAGE, "Requested voltage, V.")],
-        outputs: &[output("delivered", Kind::SCALAR, Quantity::VOLTAGE, "Voltage after the limit, V.")],
-        example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#,
-    };
-
     fn limit(settings: &SoundcardSinkSettings) -> Result<(f64, Limit), BuildError> {
         Ok((settings.gain, settings.limit.limit()?))
     }
 }
 
-/// Reads a voltage from a soundcard.
-pub const SOUNDCARD_SOURCE: NodeSpec = NodeSpec {
-    name: "SoundcardSource",
-    group: "sources",
-    doc: "Reads a voltage from a soundcard. `Calibrate` converts it to the sensor's quantity; an accelerometer on a \
-          soundcard uses `Accelerometer`.",
-    source: "",
-    inputs: &[],
-    outputs: &[output("voltage", Kind::SCALAR, Quantity::VOLTAGE, "Voltage at the input, V.")],
-    example: r#""line": SoundcardSource(clock: "audio", endpoint: "line")"#,
-};
+haptograph_engine::node! {
+    /// Reads a voltage from a soundcard. `Calibrate` converts it to the sensor's quantity; an accelerometer on a soundcard
+    /// uses `Accelerometer`.
+    pub struct SoundcardSource(NoSettings) in "sources";
+    example: r#""line": SoundcardSource(clock: "audio", endpoint: "line")"#;
+    out VOLTAGE: Scalar = Port::of(Quantity::VOLTAGE, "Voltage at the input, V.");
+}

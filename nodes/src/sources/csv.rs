@@ -2,15 +2,15 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, DataEnd, Io, NodeKind, NodeSpec, Output, Processor, Tick,
+    BuildContext, BuildError, Built, DataEnd, Io, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::csv::CsvError;
 use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::AtEnd;
 use super::wav::Playback;
-use super::{AtEnd, made};
 use crate::csv_table::{self, at_file, si_of_column};
 
 /// The column of the times.
@@ -44,26 +44,18 @@ haptograph_engine::settings! {
     }
 }
 
-/// Plays a column of a CSV file.
-pub struct CsvSource;
+haptograph_engine::node! {
+    /// Plays a column of a CSV file with a header. Its column `time_s` holds the times; without it each row is a tick.
+    /// Cells are separated by commas, semicolons or tabs; with the last two, decimals may have a comma. A preamble above
+    /// the header and lines that begin with `#` are skipped. An empty cell (a slower sensor) holds the column's last value;
+    /// cells before the first value take the first value. The unit at the end of the column's name is converted to SI. The
+    /// run ends with the last row, unless `at_end` states otherwise.
+    pub struct CsvSource(CsvSourceSettings) in "sources";
+    example: r#""force": CsvSource(clock: "control", file: "recordings/stroke.csv", column: "force_n", quantity: "force")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The column.");
+}
 
 impl NodeKind for CsvSource {
-    type Settings = CsvSourceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "CsvSource",
-        group: "sources",
-        doc: "Plays a column of a CSV file with a header. Its column `time_s` holds the times; without it each row is a tick. \
-              Cells are separated by commas, semicolons or tabs; with the last two, decimals may have a comma. A preamble above the \
-              header and lines that begin with `#` are skipped. An empty cell (a slower sensor) holds the column's \
-              last value; cells before the first value take the first value. \
-              The unit at the end of the column's name is converted to SI. The run ends with the last row, unless `at_end` states \
-              otherwise.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The column.")],
-        example: r#""force": CsvSource(clock: "control", file: "recordings/stroke.csv", column: "force_n", quantity: "force")"#,
-    };
-
     fn build(settings: CsvSourceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let scale = si_of_column(&settings.column, &settings.quantity)?;
         let table = Table::read(&settings, scale)?;
@@ -73,10 +65,6 @@ impl NodeKind for CsvSource {
         }
         Ok(Built::new(Curve { frames: table.ticks(cx.rate.hz()), table, between: settings.between, at_end }))
     }
-}
-
-impl CsvSource {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
 }
 
 #[derive(Debug, Clone)]

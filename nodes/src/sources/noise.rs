@@ -1,12 +1,8 @@
 //! White Gaussian noise.
 
 use haptograph_engine::frame::Scalar;
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
-};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::noise::Gaussian;
-
-use super::made;
 
 haptograph_engine::settings! {
     /// Settings of [`Noise`].
@@ -18,30 +14,18 @@ haptograph_engine::settings! {
     }
 }
 
-/// White Gaussian noise.
-pub struct Noise;
+haptograph_engine::node! {
+    /// White Gaussian noise: random numbers, each independent of the others. Each node has a stream of its own, from the
+    /// graph's seed and the node's path.
+    pub struct Noise(NoiseSettings) in "sources";
+    example: r#""hiss": Noise(clock: "synth", variance: 0.01, quantity: "acceleration")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The noise.");
+}
 
 impl NodeKind for Noise {
-    type Settings = NoiseSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Noise",
-        group: "sources",
-        doc: "White Gaussian noise: random numbers, each independent of the others. Each node has a \
-              stream of its own, from the graph's seed and the node's path.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The noise.")],
-        example: r#""hiss": Noise(clock: "synth", variance: 0.01, quantity: "acceleration")"#,
-    };
-
     fn build(settings: NoiseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Source { stream: Gaussian::new(cx.seed), deviation: settings.variance.sqrt() }))
     }
-}
-
-impl Noise {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const VARIANCE: LiveId<Self> = LiveId::named("variance");
 }
 
 #[derive(Debug, Clone)]
@@ -59,8 +43,8 @@ impl Processor<Noise> for Source {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Noise>, value: f64) {
-        if setting == Noise::VARIANCE {
+    fn set(&mut self, setting: LiveId<NoiseSettings>, value: f64) {
+        if setting == NoiseSettings::variance {
             self.deviation = value.max(0.0).sqrt();
         }
     }

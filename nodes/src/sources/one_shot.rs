@@ -1,12 +1,8 @@
 //! A source that plays a WAV file on each event.
 
-use super::made;
 use super::wav::read;
-use haptograph_engine::frame::{Event, Kind, Scalar};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
-    Processor, Tick, any_input,
-};
+use haptograph_engine::frame::{Event, Scalar};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -26,22 +22,16 @@ haptograph_engine::settings! {
     }
 }
 
-/// Plays one channel of a WAV file when an event fires.
-pub struct OneShot;
+haptograph_engine::node! {
+    /// Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own
+    /// tick. An event during playback restarts it. The file's rate has to be that of the node's clock.
+    pub struct OneShot(OneShotSettings) in "sources";
+    example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#;
+    in START: Event = Port::any("Begins it.");
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The recording; zero while it does not play.");
+}
 
 impl NodeKind for OneShot {
-    type Settings = OneShotSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "OneShot",
-        group: "sources",
-        doc: "Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own \
-              tick. An event during playback restarts it. The file's rate has to be that of the node's clock.",
-        source: "",
-        inputs: &[InputSpec { kind: KindRule::Is(Kind::EVENT), ..any_input("start", "Begins it.") }],
-        outputs: &[made("The recording; zero while it does not play.")],
-        example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#,
-    };
-
     fn build(settings: OneShotSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Playing {
             samples: read(&settings.file, settings.channel, cx.rate.hz())?.into(),
@@ -51,13 +41,6 @@ impl NodeKind for OneShot {
             factor: 1.0,
         }))
     }
-}
-
-impl OneShot {
-    const START: Input<Self, Event> = Input::named("start");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FULL_SCALE: LiveId<Self> = LiveId::named("full_scale");
-    const PER_VALUE: LiveId<Self> = LiveId::named("per_value");
 }
 
 #[derive(Debug, Clone)]
@@ -84,11 +67,11 @@ impl Processor<OneShot> for Playing {
         }
     }
 
-    fn set(&mut self, setting: LiveId<OneShot>, value: f64) {
+    fn set(&mut self, setting: LiveId<OneShotSettings>, value: f64) {
         match setting {
-            OneShot::FULL_SCALE => self.full_scale = value,
+            OneShotSettings::full_scale => self.full_scale = value,
             // The next event plays with it.
-            OneShot::PER_VALUE => self.per_value = Some(value),
+            OneShotSettings::per_value => self.per_value = Some(value),
             _ => {}
         }
     }
@@ -102,6 +85,7 @@ impl Processor<OneShot> for Playing {
 mod tests {
     use super::*;
     use crate::wav::write_mono;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -1,13 +1,11 @@
 //! A source that plays a WAV file by position on a surface instead of by time.
 
-use super::made;
 use super::wav::read_at_any_rate;
 use crate::vector::{direction, dot};
 use crate::wav::Layout;
-use haptograph_engine::frame::{Kind, Linear, Scalar};
+use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Flow, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec,
-    Optional, Output, Presence, Processor, QuantityRule, Tick, input,
+    BuildContext, BuildError, Built, Io, LiveId, NodeKind, Optional, Port, Processor, Tick,
 };
 use haptograph_signal::files::MAX_RECORDING_BYTES;
 use haptograph_signal::quantity::Quantity;
@@ -54,41 +52,25 @@ haptograph_engine::settings! {
 /// Largest number of frames of a recording.
 const MAX_FRAMES: u64 = 1 << 24;
 
-/// Plays a recording by position.
-pub struct WavOverPosition;
+haptograph_engine::node! {
+    /// Plays one channel of a WAV file by position on a surface instead of by time: at twice the speed it sounds an octave
+    /// higher, and moving backwards plays backwards. A frame is the mean of the linearly interpolated recording over the
+    /// distance since the last frame. This attenuates aliases: by 3.9 dB at half the rate, and by 13 dB or more for
+    /// components that would alias to 0 Hz. At rest the output holds its value; connect `speed` for silence. A position of
+    /// a slower clock needs a `Linear` bridge: between held positions nothing moves.
+    pub struct WavOverPosition(WavOverPositionSettings) in "sources";
+    source: "vibration by position: Strohmeier and Hornbaek, CHI 2017";
+    example: r#""grain": WavOverPosition(position: "stylus.position", file: "recordings/felt.wav", length_mm: 60, full_scale: 20, quantity: "acceleration")"#;
+    in POSITION: Linear =
+        Port::of(Quantity::LENGTH, "Position of the tool, m: a distance, or a 3-vector whose component \
+                                    along `axis` is used. NaN or infinite: the output is zero.");
+    in SPEED: Scalar, Optional =
+        Port::of(Quantity::SPEED, "Speed of the tool, m/s. The amplitude rises with it up to \
+                                   `full_at_mm_s`.");
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The recording at that position.");
+}
 
 impl NodeKind for WavOverPosition {
-    type Settings = WavOverPositionSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "WavOverPosition",
-        group: "sources",
-        doc: "Plays one channel of a WAV file by position on a surface instead of by time: at twice the speed it sounds an \
-              octave higher, and moving backwards plays backwards. A frame is the mean of the linearly interpolated recording over the \
-              distance since the last frame. This attenuates aliases: by 3.9 dB at half \
-              the rate, and by 13 dB or more for components that would alias to 0 Hz. At rest the output holds its value; connect \
-              `speed` for silence. A position of a slower clock needs a `Linear` bridge: between held positions nothing moves.",
-        source: "vibration by position: Strohmeier and Hornbaek, CHI 2017",
-        inputs: &[
-            InputSpec {
-                name: "position",
-                kind: KindRule::Linear,
-                quantity: QuantityRule::Is(Quantity::LENGTH),
-                flow: Flow::Sampled,
-                presence: Presence::Required,
-                doc: "Position of the tool, m: a distance, or a 3-vector whose component along `axis` is used. NaN or infinite: the output is zero.",
-            },
-            input(
-                "speed",
-                Kind::SCALAR,
-                Quantity::SPEED,
-                "Speed of the tool, m/s. The amplitude rises with it up to `full_at_mm_s`.",
-            )
-            .optional(),
-        ],
-        outputs: &[made("The recording at that position.")],
-        example: r#""grain": WavOverPosition(position: "stylus.position", file: "recordings/felt.wav", length_mm: 60, full_scale: 20, quantity: "acceleration")"#,
-    };
-
     fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let width = cx.width(Self::POSITION);
         if !matches!(width, 1 | 3) {
@@ -123,14 +105,6 @@ impl NodeKind for WavOverPosition {
             before: None,
         }))
     }
-}
-
-impl WavOverPosition {
-    const POSITION: Input<Self, Linear> = Input::named("position");
-    const SPEED: Input<Self, Scalar, Optional> = Input::named("speed");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FULL_SCALE: LiveId<Self> = LiveId::named("full_scale");
-    const FULL_AT_MM_S: LiveId<Self> = LiveId::named("full_at_mm_s");
 }
 
 fn refuse_long(layout: &Layout) -> Result<(), BuildError> {
@@ -255,10 +229,10 @@ impl Processor<WavOverPosition> for Scanning {
         }
     }
 
-    fn set(&mut self, setting: LiveId<WavOverPosition>, value: f64) {
+    fn set(&mut self, setting: LiveId<WavOverPositionSettings>, value: f64) {
         match setting {
-            WavOverPosition::FULL_SCALE => self.full_scale = value,
-            WavOverPosition::FULL_AT_MM_S => self.full_at_m_s = value,
+            WavOverPositionSettings::full_scale => self.full_scale = value,
+            WavOverPositionSettings::full_at_mm_s => self.full_at_m_s = value,
             _ => {}
         }
     }
@@ -272,6 +246,7 @@ impl Processor<WavOverPosition> for Scanning {
 mod tests {
     use super::*;
     use crate::wav::write_mono;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
     use std::f64::consts::TAU;
     use std::path::Path;

@@ -1,10 +1,7 @@
 //! Phase of a frequency signal, and envelope of a gate signal.
 
-use haptograph_engine::frame::{Kind, Scalar};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, InputSpec, Io, KindRule, LiveId, NodeKind, NodeSpec, Output,
-    Processor, Tick, any_input, input, output,
-};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Degrees, Milliseconds};
 
@@ -16,38 +13,23 @@ haptograph_engine::settings! {
     }
 }
 
-/// The phase of an oscillator whose frequency is a signal.
-pub struct Phase;
+haptograph_engine::node! {
+    /// The phase of an oscillator whose frequency is a signal, in turns from 0 up to 1: frequency modulation, or an LFO of
+    /// any shape. A sine of it is an `Expression`: `sin(2*pi * a)`; a `Curve` over it is any other.
+    pub struct Phase(PhaseSettings) in "sources";
+    example: r#""turn": Phase(frequency: "pitch.output")"#;
+    in FREQUENCY: Scalar =
+        Port::of(Quantity::FREQUENCY, "Frequency, Hz; a negative frequency turns backwards.");
+    out PHASE: Scalar = Port::of(Quantity::NUMBER, "The phase in turns, from 0 up to 1.");
+}
 
 impl NodeKind for Phase {
-    type Settings = PhaseSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Phase",
-        group: "sources",
-        doc: "The phase of an oscillator whose frequency is a signal, in turns from 0 up to 1: frequency modulation, or an LFO of \
-              any shape. A sine of it is an `Expression`: `sin(2*pi * a)`; a `Curve` over it is any other.",
-        source: "",
-        inputs: &[input(
-            "frequency",
-            Kind::SCALAR,
-            Quantity::FREQUENCY,
-            "Frequency, Hz; a negative frequency turns backwards.",
-        )],
-        outputs: &[output("phase", Kind::SCALAR, Quantity::NUMBER, "The phase in turns, from 0 up to 1.")],
-        example: r#""turn": Phase(frequency: "pitch.output")"#,
-    };
-
     fn build(settings: PhaseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Turning {
             turns: settings.start_deg.turns().rem_euclid(1.0),
             tick_s: 1.0 / cx.rate.hz(),
         }))
     }
-}
-
-impl Phase {
-    const FREQUENCY: Input<Self, Scalar> = Input::named("frequency");
-    const PHASE: Output<Self, Scalar> = Output::named("phase");
 }
 
 #[derive(Debug, Clone)]
@@ -87,37 +69,19 @@ haptograph_engine::settings! {
     }
 }
 
-/// An envelope of linear segments.
-pub struct Adsr;
+haptograph_engine::node! {
+    /// An envelope of linear segments: attack, decay, sustain, release. The attack starts from the present level, so that
+    /// nothing jumps.
+    pub struct Adsr(AdsrSettings) in "sources";
+    example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#;
+    in GATE: Scalar = Port::any("The gate is open while this is above zero.");
+    out OUTPUT: Scalar = Port::of(Quantity::NUMBER, "0 to 1.");
+}
 
 impl NodeKind for Adsr {
-    type Settings = AdsrSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Adsr",
-        group: "sources",
-        doc: "An envelope of linear segments: attack, decay, sustain, release. The attack starts from the present level, so that \
-              nothing jumps.",
-        source: "",
-        inputs: &[InputSpec {
-            kind: KindRule::Is(Kind::SCALAR),
-            ..any_input("gate", "The gate is open while this is above zero.")
-        }],
-        outputs: &[output("output", Kind::SCALAR, Quantity::NUMBER, "0 to 1.")],
-        example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#,
-    };
-
     fn build(settings: AdsrSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Envelope { settings, tick_ms: 1e3 / cx.rate.hz(), level: 0.0, stage: Stage::Closed }))
     }
-}
-
-impl Adsr {
-    const GATE: Input<Self, Scalar> = Input::named("gate");
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const ATTACK_MS: LiveId<Self> = LiveId::named("attack_ms");
-    const DECAY_MS: LiveId<Self> = LiveId::named("decay_ms");
-    const SUSTAIN: LiveId<Self> = LiveId::named("sustain");
-    const RELEASE_MS: LiveId<Self> = LiveId::named("release_ms");
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -163,12 +127,12 @@ impl Processor<Adsr> for Envelope {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Adsr>, value: f64) {
+    fn set(&mut self, setting: LiveId<AdsrSettings>, value: f64) {
         match setting {
-            Adsr::ATTACK_MS => self.settings.attack_ms = Milliseconds::of_si(value),
-            Adsr::DECAY_MS => self.settings.decay_ms = Milliseconds::of_si(value),
-            Adsr::SUSTAIN => self.settings.sustain = value,
-            Adsr::RELEASE_MS => self.settings.release_ms = Milliseconds::of_si(value),
+            AdsrSettings::attack_ms => self.settings.attack_ms = Milliseconds::of_si(value),
+            AdsrSettings::decay_ms => self.settings.decay_ms = Milliseconds::of_si(value),
+            AdsrSettings::sustain => self.settings.sustain = value,
+            AdsrSettings::release_ms => self.settings.release_ms = Milliseconds::of_si(value),
             _ => {}
         }
     }
@@ -181,6 +145,7 @@ impl Processor<Adsr> for Envelope {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]

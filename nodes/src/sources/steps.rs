@@ -1,12 +1,11 @@
 //! Piecewise linear sources: constant, step, ramp, pulse.
 
-use haptograph_engine::frame::{Kind, Scalar, Vector};
+use haptograph_engine::frame::{Scalar, Vector};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, KindRule, LiveId, NodeKind, NodeSpec, Output, OutputCount,
-    OutputRole, OutputSpec, Processor, QuantityRule, Tick,
+    BuildContext, BuildError, Built, Io, LiveId, NodeKind, Output, Port, Processor, Tick,
 };
 
-use super::{made, tick_at};
+use super::tick_at;
 
 haptograph_engine::settings! {
     /// Settings of [`Constant`].
@@ -18,29 +17,17 @@ haptograph_engine::settings! {
     }
 }
 
-/// A constant number.
-pub struct Constant;
+haptograph_engine::node! {
+    /// A constant number.
+    pub struct Constant(ConstantSettings) in "sources";
+    example: r#""speed": Constant(clock: "control", value: 0.13, quantity: "speed")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The value.");
+}
 
 impl NodeKind for Constant {
-    type Settings = ConstantSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Constant",
-        group: "sources",
-        doc: "A constant number.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The value.")],
-        example: r#""speed": Constant(clock: "control", value: 0.13, quantity: "speed")"#,
-    };
-
     fn build(settings: ConstantSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Same { value: settings.value }))
     }
-}
-
-impl Constant {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const VALUE: LiveId<Self> = LiveId::named("value");
 }
 
 #[derive(Debug, Clone)]
@@ -53,8 +40,8 @@ impl Processor<Constant> for Same {
         io.write(Constant::OUTPUT).fill(self.value);
     }
 
-    fn set(&mut self, setting: LiveId<Constant>, value: f64) {
-        if setting == Constant::VALUE {
+    fn set(&mut self, setting: LiveId<ConstantSettings>, value: f64) {
+        if setting == ConstantSettings::value {
             self.value = value;
         }
     }
@@ -70,36 +57,17 @@ haptograph_engine::settings! {
     }
 }
 
-/// A constant vector.
-pub struct ConstantVector;
+haptograph_engine::node! {
+    /// The same 3-vector at every tick.
+    pub struct ConstantVector(ConstantVectorSettings) in "sources";
+    example: r#""weight": ConstantVector(clock: "servo", value: [0.0, 0.0, -0.5], quantity: "force")"#;
+    out OUTPUT: Vector = Port::of_setting("quantity", "The value.");
+}
 
 impl NodeKind for ConstantVector {
-    type Settings = ConstantVectorSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ConstantVector",
-        group: "sources",
-        doc: "The same 3-vector at every tick.",
-        source: "",
-        inputs: &[],
-        outputs: &[OutputSpec {
-            name: "output",
-            kind: KindRule::Is(Kind::VECTOR),
-            quantity: QuantityRule::Setting("quantity"),
-            role: OutputRole::Plain,
-            count: OutputCount::One,
-            doc: "The value.",
-        }],
-        example: r#""weight": ConstantVector(clock: "servo", value: [0.0, 0.0, -0.5], quantity: "force")"#,
-    };
-
     fn build(settings: ConstantVectorSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(SameVector { value: settings.value }))
     }
-}
-
-impl ConstantVector {
-    const OUTPUT: Output<Self, Vector> = Output::named("output");
-    const VALUE: LiveId<Self> = LiveId::named("value");
 }
 
 #[derive(Debug, Clone)]
@@ -112,8 +80,8 @@ impl Processor<ConstantVector> for SameVector {
         io.write(ConstantVector::OUTPUT).fill(self.value);
     }
 
-    fn set_item(&mut self, setting: LiveId<ConstantVector>, item: usize, value: f64) {
-        if setting == ConstantVector::VALUE
+    fn set_item(&mut self, setting: LiveId<ConstantVectorSettings>, item: usize, value: f64) {
+        if setting == ConstantVectorSettings::value
             && let Some(component) = self.value.get_mut(item)
         {
             *component = value;
@@ -135,21 +103,14 @@ haptograph_engine::settings! {
     }
 }
 
-/// A step from one value to another.
-pub struct Step;
+haptograph_engine::node! {
+    /// A step: one value before a time, another from that time on.
+    pub struct Step(StepSettings) in "sources";
+    example: r#""press": Step(clock: "control", after: 1.2, at_s: 0.5, quantity: "force")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The step.");
+}
 
 impl NodeKind for Step {
-    type Settings = StepSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Step",
-        group: "sources",
-        doc: "A step: one value before a time, another from that time on.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The step.")],
-        example: r#""press": Step(clock: "control", after: 1.2, at_s: 0.5, quantity: "force")"#,
-    };
-
     fn build(settings: StepSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Line {
             from: settings.before,
@@ -176,21 +137,14 @@ haptograph_engine::settings! {
     }
 }
 
-/// A straight line from one value to another.
-pub struct Ramp;
+haptograph_engine::node! {
+    /// A linear ramp from one value to another; constant before and after.
+    pub struct Ramp(RampSettings) in "sources";
+    example: r#""faster": Ramp(clock: "control", to: 0.2, duration_s: 10.0, quantity: "speed")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The ramp.");
+}
 
 impl NodeKind for Ramp {
-    type Settings = RampSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Ramp",
-        group: "sources",
-        doc: "A linear ramp from one value to another; constant before and after.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The ramp.")],
-        example: r#""faster": Ramp(clock: "control", to: 0.2, duration_s: 10.0, quantity: "speed")"#,
-    };
-
     fn build(settings: RampSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Line {
             from: settings.from,
@@ -203,19 +157,21 @@ impl NodeKind for Ramp {
 
 /// A kind whose processor is a [`Line`].
 trait LineKind: NodeKind {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FROM: LiveId<Self>;
-    const TO: LiveId<Self>;
+    const OUTPUT: Output<Self, Scalar>;
+    const FROM: LiveId<Self::Settings>;
+    const TO: LiveId<Self::Settings>;
 }
 
 impl LineKind for Step {
-    const FROM: LiveId<Self> = LiveId::named("before");
-    const TO: LiveId<Self> = LiveId::named("after");
+    const OUTPUT: Output<Self, Scalar> = Self::OUTPUT;
+    const FROM: LiveId<StepSettings> = StepSettings::before;
+    const TO: LiveId<StepSettings> = StepSettings::after;
 }
 
 impl LineKind for Ramp {
-    const FROM: LiveId<Self> = LiveId::named("from");
-    const TO: LiveId<Self> = LiveId::named("to");
+    const OUTPUT: Output<Self, Scalar> = Self::OUTPUT;
+    const FROM: LiveId<RampSettings> = RampSettings::from;
+    const TO: LiveId<RampSettings> = RampSettings::to;
 }
 
 /// A line between two values, for [`Step`] and [`Ramp`].
@@ -242,7 +198,7 @@ impl<K: LineKind> Processor<K> for Line {
         }
     }
 
-    fn set(&mut self, setting: LiveId<K>, value: f64) {
+    fn set(&mut self, setting: LiveId<K::Settings>, value: f64) {
         if setting == K::FROM {
             self.from = value;
         } else if setting == K::TO {
@@ -269,22 +225,14 @@ haptograph_engine::settings! {
     }
 }
 
-/// One rectangular pulse, or a square wave.
-pub struct Pulse;
+haptograph_engine::node! {
+    /// One rectangular pulse or, with a period, a square wave. Every edge falls on the first tick at or after its time.
+    pub struct Pulse(PulseSettings) in "sources";
+    example: r#""knock": Pulse(clock: "servo", high: 2.0, width_s: 0.01, period_s: 1.0, quantity: "force")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The pulses.");
+}
 
 impl NodeKind for Pulse {
-    type Settings = PulseSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Pulse",
-        group: "sources",
-        doc: "One rectangular pulse or, with a period, a square wave. Every edge falls on the first tick at or after \
-              its time.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The pulses.")],
-        example: r#""knock": Pulse(clock: "servo", high: 2.0, width_s: 0.01, period_s: 1.0, quantity: "force")"#,
-    };
-
     fn build(settings: PulseSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let ticks = |time_s: f64| time_s * cx.rate.hz();
         if settings.period_s.is_some_and(|period_s| ticks(period_s) < 1.0) {
@@ -301,12 +249,6 @@ impl NodeKind for Pulse {
             period: settings.period_s.map(ticks),
         }))
     }
-}
-
-impl Pulse {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const LOW: LiveId<Self> = LiveId::named("low");
-    const HIGH: LiveId<Self> = LiveId::named("high");
 }
 
 /// Times in ticks, with fractions.
@@ -333,10 +275,10 @@ impl Processor<Pulse> for Pulsing {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Pulse>, value: f64) {
+    fn set(&mut self, setting: LiveId<PulseSettings>, value: f64) {
         match setting {
-            Pulse::LOW => self.low = value,
-            Pulse::HIGH => self.high = value,
+            PulseSettings::low => self.low = value,
+            PulseSettings::high => self.high = value,
             _ => {}
         }
     }
@@ -361,7 +303,7 @@ mod tests {
         let settings = ConstantSettings { value: 2.5, quantity: number() };
         let mut bench = Bench::new::<Constant>(settings, 10.0, &[]).unwrap();
         assert_eq!(bench.run_source(3), [[2.5; 3]]);
-        bench.set(Constant::VALUE, -1.0);
+        bench.set(ConstantSettings::value, -1.0);
         assert_eq!(bench.run_source(3), [[-1.0; 3]]);
         let settings = ConstantVectorSettings { value: [1.0, 2.0, 3.0], quantity: number() };
         assert_eq!(run::<ConstantVector>(settings, 2), [1.0, 2.0, 3.0, 1.0, 2.0, 3.0]);

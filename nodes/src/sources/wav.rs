@@ -2,15 +2,15 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, DataEnd, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
+    BuildContext, BuildError, Built, DataEnd, Io, LiveId, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::AtEnd;
 use super::csv::CsvSource;
-use super::{AtEnd, made};
 use crate::wav::{Layout, WavError, read_channel, read_layout};
 
 haptograph_engine::settings! {
@@ -31,22 +31,15 @@ haptograph_engine::settings! {
     }
 }
 
-/// Plays one channel of a WAV file.
-pub struct WavSource;
+haptograph_engine::node! {
+    /// Plays one channel of a WAV file from the start. The file's rate has to be that of the node's clock. The run ends
+    /// with the file, unless `at_end` states otherwise.
+    pub struct WavSource(WavSourceSettings) in "sources";
+    example: r#""felt": WavSource(clock: "audio", file: "recordings/felt.wav", full_scale: 20.0, quantity: "acceleration")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The recording.");
+}
 
 impl NodeKind for WavSource {
-    type Settings = WavSourceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "WavSource",
-        group: "sources",
-        doc: "Plays one channel of a WAV file from the start. The file's rate has to be that of the node's clock. The run ends with the file, \
-              unless `at_end` states otherwise.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The recording.")],
-        example: r#""felt": WavSource(clock: "audio", file: "recordings/felt.wav", full_scale: 20.0, quantity: "acceleration")"#,
-    };
-
     fn build(settings: WavSourceSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let samples = read(&settings.file, settings.channel, cx.rate.hz())?;
         Ok(Built::new(WavPlayback {
@@ -54,11 +47,6 @@ impl NodeKind for WavSource {
             full_scale: settings.full_scale,
         }))
     }
-}
-
-impl WavSource {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FULL_SCALE: LiveId<Self> = LiveId::named("full_scale");
 }
 
 /// All samples of one channel (counted from 0) of a WAV file, in full scale. The file's rate has to be `rate_hz`.
@@ -113,8 +101,6 @@ fn unreadable(file: &Path, error: &WavError) -> BuildError {
     BuildError::at("file", message).help(help)
 }
 
-const PLAYBACK: Output<CsvSource, Scalar> = Output::named("output");
-
 /// Samples in memory, one per tick, for [`CsvSource`] and, times the value of full scale, [`WavSource`].
 #[derive(Debug, Clone)]
 pub(super) struct Playback {
@@ -139,7 +125,7 @@ impl Playback {
 
 impl Processor<CsvSource> for Playback {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, CsvSource>) {
-        for (y, now) in io.write(PLAYBACK).iter_mut().zip(tick.first..) {
+        for (y, now) in io.write(CsvSource::OUTPUT).iter_mut().zip(tick.first..) {
             *y = self.at(now).unwrap_or(0.0);
         }
     }
@@ -164,8 +150,8 @@ impl Processor<WavSource> for WavPlayback {
         }
     }
 
-    fn set(&mut self, setting: LiveId<WavSource>, value: f64) {
-        if setting == WavSource::FULL_SCALE {
+    fn set(&mut self, setting: LiveId<WavSourceSettings>, value: f64) {
+        if setting == WavSourceSettings::full_scale {
             self.full_scale = value;
         }
     }

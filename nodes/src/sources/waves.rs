@@ -2,12 +2,11 @@
 
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Fallback, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick,
+    BuildContext, BuildError, Built, Fallback, Io, LiveId, NodeKind, Optional, Port, Processor, Tick,
 };
 use std::f64::consts::TAU;
 
-use super::made;
-use crate::filters::frequency_input;
+use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Degrees;
 
 haptograph_engine::settings! {
@@ -24,28 +23,21 @@ haptograph_engine::settings! {
     }
 }
 
-const FREQUENCY: Fallback<Sine> = Fallback::named("frequency", "frequency_hz");
+const FREQUENCY: Fallback<Sine> = Fallback::new(Sine::FREQUENCY, SineSettings::frequency_hz);
 
-/// A sine.
-pub struct Sine;
+haptograph_engine::node! {
+    /// A sine: an oscillator, or below some 20 Hz the slow modulation (LFO) of another signal. A change of frequency
+    /// continues from the present phase.
+    pub struct Sine(SineSettings) in "sources";
+    example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#;
+    in FREQUENCY: Scalar, Optional =
+        Port::of(Quantity::FREQUENCY, "Replaces `frequency_hz` at every tick. It is clamped to 0.499 of \
+                                       the rate; a negative one turns backwards; NaN and infinity are \
+                                       ignored.");
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The sine.");
+}
 
 impl NodeKind for Sine {
-    type Settings = SineSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Sine",
-        group: "sources",
-        doc: "A sine: an oscillator, or below some 20 Hz the slow modulation (LFO) of another signal. A change of \
-              frequency continues from the present phase.",
-        source: "",
-        inputs: &[frequency_input(
-            "frequency",
-            "Replaces `frequency_hz` at every tick. It is clamped to 0.499 of the rate; a negative one turns backwards; NaN and \
-             infinity are ignored.",
-        )],
-        outputs: &[made("The sine.")],
-        example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#,
-    };
-
     fn build(settings: SineSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         // A frequency signal has no value before the first tick.
         let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?.unwrap_or(0.0);
@@ -64,12 +56,6 @@ impl NodeKind for Sine {
     fn advice(settings: &SineSettings, cx: &BuildContext) -> Vec<BuildError> {
         FREQUENCY.advice(settings.frequency_hz, cx).into_iter().collect()
     }
-}
-
-impl Sine {
-    const FREQUENCY_HZ: LiveId<Self> = FREQUENCY.setting;
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const AMPLITUDE: LiveId<Self> = LiveId::named("amplitude");
 }
 
 fn below_half_the_rate(field: &'static str, frequency_hz: f64, cx: &BuildContext) -> Result<(), BuildError> {
@@ -128,15 +114,15 @@ impl Processor<Sine> for Oscillator {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Sine>, value: f64) {
+    fn set(&mut self, setting: LiveId<SineSettings>, value: f64) {
         match setting {
-            Sine::FREQUENCY_HZ if self.follows => {}
-            Sine::FREQUENCY_HZ => {
+            SineSettings::frequency_hz if self.follows => {}
+            SineSettings::frequency_hz => {
                 let turns = self.turns_at(self.next);
                 (self.anchor, self.anchor_turns) = (self.next, turns - turns.floor());
                 self.turns_per_tick = value / self.rate_hz;
             }
-            Sine::AMPLITUDE => self.amplitude = value,
+            SineSettings::amplitude => self.amplitude = value,
             _ => {}
         }
     }
@@ -183,34 +169,20 @@ haptograph_engine::settings! {
     }
 }
 
-/// A sine whose frequency sweeps.
-pub struct Chirp;
+haptograph_engine::node! {
+    /// A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency of its ends
+    /// continues from the present phase.
+    pub struct Chirp(ChirpSettings) in "sources";
+    example: r#""sweep": Chirp(clock: "synth", from_hz: 10.0, to_hz: 1000.0, amplitude: 0.2, quantity: "current")"#;
+    out OUTPUT: Scalar = Port::of_setting("quantity", "The sweep.");
+}
 
 impl NodeKind for Chirp {
-    type Settings = ChirpSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Chirp",
-        group: "sources",
-        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency \
-              of its ends continues from the present phase.",
-        source: "",
-        inputs: &[],
-        outputs: &[made("The sweep.")],
-        example: r#""sweep": Chirp(clock: "synth", from_hz: 10.0, to_hz: 1000.0, amplitude: 0.2, quantity: "current")"#,
-    };
-
     fn build(settings: ChirpSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         below_half_the_rate("from_hz", settings.from_hz, cx)?;
         below_half_the_rate("to_hz", settings.to_hz, cx)?;
         Ok(Built::new(Sweeping { settings, ahead_turns: 0.0, next_s: 0.0, rate_hz: cx.rate.hz() }))
     }
-}
-
-impl Chirp {
-    const OUTPUT: Output<Self, Scalar> = Output::named("output");
-    const FROM_HZ: LiveId<Self> = LiveId::named("from_hz");
-    const TO_HZ: LiveId<Self> = LiveId::named("to_hz");
-    const AMPLITUDE: LiveId<Self> = LiveId::named("amplitude");
 }
 
 #[derive(Debug, Clone)]
@@ -254,7 +226,7 @@ impl Processor<Chirp> for Sweeping {
         self.next_s = tick.time_s(tick.frames);
     }
 
-    fn set(&mut self, setting: LiveId<Chirp>, value: f64) {
+    fn set(&mut self, setting: LiveId<ChirpSettings>, value: f64) {
         if !value.is_finite() {
             return;
         }
@@ -262,9 +234,9 @@ impl Processor<Chirp> for Sweeping {
         let hz = value.clamp(1e-6, (0.5 * self.rate_hz).next_down());
         let reached = self.turns_at(self.next_s);
         match setting {
-            Chirp::FROM_HZ => self.settings.from_hz = hz,
-            Chirp::TO_HZ => self.settings.to_hz = hz,
-            Chirp::AMPLITUDE => {
+            ChirpSettings::from_hz => self.settings.from_hz = hz,
+            ChirpSettings::to_hz => self.settings.to_hz = hz,
+            ChirpSettings::amplitude => {
                 self.settings.amplitude = value;
                 return;
             }
@@ -309,7 +281,7 @@ mod tests {
     fn a_new_frequency_goes_on_from_the_phase_that_was_reached() {
         let mut bench = sine(10.0, 0.0);
         let before = bench.run_source(130).remove(0);
-        bench.set(Sine::FREQUENCY_HZ, 20.0);
+        bench.set(SineSettings::frequency_hz, 20.0);
         let after = bench.run_source(10).remove(0);
         let jump = (after[0] - before[129]).abs();
         assert!(jump < 2.0 * TAU * 0.02, "{jump}");
@@ -395,7 +367,7 @@ mod tests {
         };
         let mut bench = Bench::new::<Chirp>(settings, 1000.0, &[]).unwrap();
         let mut before = bench.run_source(500).remove(0)[499];
-        let (from, to) = (Chirp::FROM_HZ, Chirp::TO_HZ);
+        let (from, to) = (ChirpSettings::from_hz, ChirpSettings::to_hz);
         for (setting, hz) in [(to, 60.0), (from, 30.0), (to, 1e9), (from, f64::NAN), (to, 80.0)] {
             bench.set(setting, hz);
             let y = bench.run_source(1).remove(0)[0];

@@ -5,11 +5,8 @@ use super::transient::{EFFECTIVE_MASS_KG, Transient};
 use crate::contact::Contact;
 use crate::texture::load_surface;
 use crate::vector::{Vec3, scale};
-use haptograph_engine::frame::{Event, Kind, OneKind, Record, Vector};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick, input,
-    output,
-};
+use haptograph_engine::frame::{Event, Record, Vector};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Grams, MillimetresPerSecond, Milliseconds};
 use haptograph_surfaces::{Surface, SurfaceError, Taps};
@@ -44,28 +41,21 @@ haptograph_engine::settings! {
     }
 }
 
-/// The transient of a tap.
-pub struct Tapping;
+haptograph_engine::node! {
+    /// Renders taps: at contact, the surface's recorded transient for the tool's speed, as a force along the normal. A
+    /// contact is a tap when the tool was free for `rearm_ms` and comes at `least_mm_s` or faster; a new tap replaces one
+    /// that still rings. An impact faster than the fastest recorded tap grows with its speed; with `above: Hold` it is the
+    /// fastest tap as recorded, as in the thesis. Taps of another rate are resampled to the node's clock. With a surface
+    /// without taps nothing is played.
+    pub struct Tapping(TappingSettings) in "tapping";
+    source: "4.3.2";
+    example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#;
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    out FORCE: Vector = Port::of(Quantity::FORCE, "Force on the tool, N.");
+    out TAP: Event = Port::of(Quantity::SPEED, "Event at a tap, with its speed, m/s.");
+}
 
 impl NodeKind for Tapping {
-    type Settings = TappingSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Tapping",
-        group: "tapping",
-        doc: "Renders taps: at contact, the surface's recorded transient for the tool's speed, as a force along \
-              the normal. A contact is a tap when the tool was free for `rearm_ms` and comes at `least_mm_s` or faster; a \
-              new tap replaces one that still rings. An impact faster than the fastest recorded tap grows with its speed; with \
-              `above: Hold` it is the fastest tap as recorded, as in the thesis. Taps of another rate are resampled to the node's clock. With a surface \
-              without taps nothing is played.",
-        source: "4.3.2",
-        inputs: &[input("contact", Contact::KIND, Quantity::NUMBER, "The contact.")],
-        outputs: &[
-            output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N."),
-            output("tap", Kind::EVENT, Quantity::SPEED, "Event at a tap, with its speed, m/s."),
-        ],
-        example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#,
-    };
-
     fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let played = |taps: Taps| -> Result<Transient, SurfaceError> {
             let taps = taps.resampled(cx.rate.hz())?;
@@ -97,14 +87,6 @@ impl NodeKind for Tapping {
     }
 }
 
-impl Tapping {
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const FORCE: Output<Self, Vector> = Output::named("force");
-    const TAP: Output<Self, Event> = Output::named("tap");
-    const MASS_G: LiveId<Self> = LiveId::named("mass_g");
-    const LEAST_MM_S: LiveId<Self> = LiveId::named("least_mm_s");
-}
-
 #[derive(Debug, Clone)]
 struct Striking {
     onset: Onset,
@@ -130,10 +112,10 @@ impl Processor<Tapping> for Striking {
         }
     }
 
-    fn set(&mut self, setting: LiveId<Tapping>, value: f64) {
+    fn set(&mut self, setting: LiveId<TappingSettings>, value: f64) {
         match (setting, &mut self.transient) {
-            (Tapping::LEAST_MM_S, _) => self.onset.least_m_s = value,
-            (Tapping::MASS_G, Some(transient)) => transient.mass_kg = value,
+            (TappingSettings::least_mm_s, _) => self.onset.least_m_s = value,
+            (TappingSettings::mass_g, Some(transient)) => transient.mass_kg = value,
             _ => {}
         }
     }
@@ -151,6 +133,7 @@ impl Processor<Tapping> for Striking {
 mod tests {
     use super::*;
     use crate::texture::tile;
+    use haptograph_engine::frame::OneKind;
     use haptograph_engine::testing::Bench;
 
     fn settings() -> TappingSettings {

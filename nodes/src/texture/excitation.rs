@@ -1,9 +1,8 @@
 //! The excitation of the synthesis filter.
 
-use haptograph_engine::frame::{Kind, OneKind, Scalar};
+use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Held, Input, Io, NodeKind, NodeSpec, Optional, Output, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Held, Io, NodeKind, Optional, Port, Processor, Tick,
 };
 use haptograph_signal::noise::{Gaussian, stream_seed};
 use haptograph_signal::quantity::Quantity;
@@ -21,30 +20,19 @@ haptograph_engine::settings! {
     }
 }
 
-/// White excitation, Gaussian or crackling.
-pub struct Excitation;
+haptograph_engine::node! {
+    /// White Gaussian noise that excites a synthesis filter, with the variance of the coefficients (exactly zero if that is
+    /// zero). Without coefficients the variance is 1. If the surface crackles, the level fluctuates about that variance
+    /// with the depth and time constant of its file.
+    pub struct Excitation(ExcitationSettings) in "texture";
+    source: "2.4.2; crackle: docs/texture-models.md";
+    example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#;
+    in COEFFICIENTS: Coefficients<'static>, Optional<Held> =
+        Port::of(Quantity::NUMBER, "Coefficients, held, whose variance the noise has.");
+    out EXCITATION: Scalar = Port::of(Quantity::ACCELERATION, "The noise, m/s2.");
+}
 
 impl NodeKind for Excitation {
-    type Settings = ExcitationSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Excitation",
-        group: "texture",
-        doc: "White Gaussian noise that excites a synthesis filter, with the variance of the coefficients \
-              (exactly zero if that is zero). Without coefficients the variance is 1. If the surface crackles, the \
-              level fluctuates about that variance with the depth and time constant of its file.",
-        source: "2.4.2; crackle: docs/texture-models.md",
-        inputs: &[input(
-            "coefficients",
-            Coefficients::KIND,
-            Quantity::NUMBER,
-            "Coefficients, held, whose variance the noise has.",
-        )
-        .held()
-        .optional()],
-        outputs: &[output("excitation", Kind::SCALAR, Quantity::ACCELERATION, "The noise, m/s2.")],
-        example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#,
-    };
-
     fn build(settings: ExcitationSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let texture = settings.surface.as_deref().map(load_texture).transpose()?;
         let crackle = texture.and_then(|texture| texture.crackle());
@@ -54,11 +42,6 @@ impl NodeKind for Excitation {
             crackle: crackle.map(|crackle| Box::new(source(crackle))),
         }))
     }
-}
-
-impl Excitation {
-    const COEFFICIENTS: Input<Self, Coefficients<'static>, Optional<Held>> = Input::named("coefficients");
-    const EXCITATION: Output<Self, Scalar> = Output::named("excitation");
 }
 
 #[derive(Debug, Clone)]
@@ -100,6 +83,7 @@ impl Processor<Excitation> for Exciting {
 mod tests {
     use super::super::plain;
     use super::*;
+    use haptograph_engine::frame::OneKind;
     use haptograph_engine::testing::Bench;
     use haptograph_surfaces::{Crackle, files};
 

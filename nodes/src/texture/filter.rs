@@ -1,9 +1,8 @@
 //! The synthesis filter.
 
-use haptograph_engine::frame::{Kind, OneKind, Scalar};
+use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Held, Input, Io, Latency, NodeKind, NodeSpec, Output, Processor, Tick,
-    input, output,
+    BuildContext, BuildError, Built, Held, Io, Latency, NodeKind, Port, Processor, Tick,
 };
 use haptograph_signal::arma::{self, WarpedLattice};
 use haptograph_signal::filter::SectionsState;
@@ -40,34 +39,22 @@ haptograph_engine::settings! {
     }
 }
 
-/// Filters excitation into vibration.
-pub struct ArmaFilter;
+haptograph_engine::node! {
+    /// The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. Its state after the excitation
+    /// ends decays to exactly zero. Coefficients of an unstable filter are ignored. Whether they are plain or on a warped
+    /// frequency axis is the surface's content, not a setting: warped ones run in a lattice of all-pass sections, and the
+    /// high-pass that learning removed from such a surface is applied at the output. Models of a lower rate than the
+    /// clock's run at their own rate, and are interpolated without spectrum above half of it. The surface's lines fixed in
+    /// space are added.
+    pub struct ArmaFilter(ArmaFilterSettings) in "texture";
+    source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)";
+    example: r#""filter": ArmaFilter(coefficients: Hold("interpolate.coefficients"), excitation: "excite.excitation")"#;
+    in COEFFICIENTS: Coefficients<'static>, Held = Port::of(Quantity::NUMBER, "The filter, held.");
+    in EXCITATION: Scalar = Port::of(Quantity::ACCELERATION, "White noise of the filter's variance, m/s2.");
+    out ACCELERATION: Scalar = Port::of(Quantity::ACCELERATION, "The vibration, m/s2.");
+}
 
 impl NodeKind for ArmaFilter {
-    type Settings = ArmaFilterSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "ArmaFilter",
-        group: "texture",
-        doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. Its state after the \
-              excitation ends decays to exactly zero. Coefficients of an unstable filter are ignored. Whether they are \
-              plain or on a warped frequency axis is the surface's content, not a setting: warped ones run in a \
-              lattice of all-pass sections, and the high-pass that learning removed from such a surface is applied at \
-              the output. Models of a lower rate than the clock's run at their own rate, and are interpolated without \
-              spectrum above half of it. The surface's lines fixed in space are added.",
-        source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",
-        inputs: &[
-            input("coefficients", Coefficients::KIND, Quantity::NUMBER, "The filter, held.").held(),
-            input(
-                "excitation",
-                Kind::SCALAR,
-                Quantity::ACCELERATION,
-                "White noise of the filter's variance, m/s2.",
-            ),
-        ],
-        outputs: &[output("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "The vibration, m/s2.")],
-        example: r#""filter": ArmaFilter(coefficients: Hold("interpolate.coefficients"), excitation: "excite.excitation")"#,
-    };
-
     fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (mut upsampler, mut highpass, mut lines) = (None, None, None);
         if let Some(surface) = &settings.surface {
@@ -111,12 +98,6 @@ impl NodeKind for ArmaFilter {
             "if the recording ended there, ignore this; else learn the surface again at the clock's rate",
         )]
     }
-}
-
-impl ArmaFilter {
-    const COEFFICIENTS: Input<Self, Coefficients<'static>, Held> = Input::named("coefficients");
-    const EXCITATION: Input<Self, Scalar> = Input::named("excitation");
-    const ACCELERATION: Output<Self, Scalar> = Output::named("acceleration");
 }
 
 /// The generator of the lines of a surface, if it has lines.
@@ -270,6 +251,7 @@ impl Processor<ArmaFilter> for Synthesis {
 mod tests {
     use super::super::plain;
     use super::*;
+    use haptograph_engine::frame::{Kind, OneKind};
     use haptograph_engine::testing::Bench;
     use haptograph_signal::Complex64;
     use haptograph_signal::spectrum::arma_density;

@@ -3,11 +3,8 @@
 use crate::contact::Contact;
 use crate::tapping::transient::EFFECTIVE_MASS_KG;
 use crate::vector::{Vec3, cross, direction, scale};
-use haptograph_engine::frame::{Kind, OneKind, Scalar, Vector};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, LiveId, NodeKind, NodeSpec, Output, Processor, Tick, input,
-    output,
-};
+use haptograph_engine::frame::{Scalar, Vector};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Grams;
 
@@ -19,37 +16,22 @@ haptograph_engine::settings! {
     }
 }
 
-/// A texture's vibration as a force across the motion.
-pub struct TextureForce;
+haptograph_engine::node! {
+    /// The vibration of a texture as a force on the tool, across both the normal and the friction, so that it disturbs
+    /// neither. It keeps its direction while there is no friction, and is zero while nothing touches.
+    pub struct TextureForce(TextureForceSettings) in "texture";
+    source: "A.3.2";
+    example: r#""shake": TextureForce(acceleration: "texture.acceleration", contact: "touch.contact", friction: "friction.force")"#;
+    in ACCELERATION: Scalar = Port::of(Quantity::ACCELERATION, "The vibration, m/s2.");
+    in CONTACT: Contact = Port::of(Quantity::NUMBER, "The contact.");
+    in FRICTION: Vector = Port::of(Quantity::FORCE, "The friction on the tool, N.");
+    out FORCE: Vector = Port::of(Quantity::FORCE, "Force on the tool, N.");
+}
 
 impl NodeKind for TextureForce {
-    type Settings = TextureForceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "TextureForce",
-        group: "texture",
-        doc: "The vibration of a texture as a force on the tool, across both the normal and the friction, so that it \
-              disturbs neither. It keeps its direction while there is no friction, and is zero while nothing touches.",
-        source: "A.3.2",
-        inputs: &[
-            input("acceleration", Kind::SCALAR, Quantity::ACCELERATION, "The vibration, m/s2."),
-            input("contact", Contact::KIND, Quantity::NUMBER, "The contact."),
-            input("friction", Kind::VECTOR, Quantity::FORCE, "The friction on the tool, N."),
-        ],
-        outputs: &[output("force", Kind::VECTOR, Quantity::FORCE, "Force on the tool, N.")],
-        example: r#""shake": TextureForce(acceleration: "texture.acceleration", contact: "touch.contact", friction: "friction.force")"#,
-    };
-
     fn build(settings: TextureForceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Shaking { mass_kg: settings.mass_g.si(), across: [0.0; 3] }))
     }
-}
-
-impl TextureForce {
-    const ACCELERATION: Input<Self, Scalar> = Input::named("acceleration");
-    const CONTACT: Input<Self, Contact> = Input::named("contact");
-    const FRICTION: Input<Self, Vector> = Input::named("friction");
-    const FORCE: Output<Self, Vector> = Output::named("force");
-    const MASS_G: LiveId<Self> = LiveId::named("mass_g");
 }
 
 #[derive(Debug, Clone)]
@@ -75,8 +57,8 @@ impl Processor<TextureForce> for Shaking {
         }
     }
 
-    fn set(&mut self, setting: LiveId<TextureForce>, value: f64) {
-        if setting == TextureForce::MASS_G {
+    fn set(&mut self, setting: LiveId<TextureForceSettings>, value: f64) {
+        if setting == TextureForceSettings::mass_g {
             self.mass_kg = value;
         }
     }
@@ -91,6 +73,7 @@ mod tests {
     use super::*;
     use crate::vector::dot;
     use haptograph_engine::frame::Record;
+    use haptograph_engine::frame::{Kind, OneKind};
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -1,9 +1,6 @@
 //! Interpolation of the synthesis filter on the map of a texture.
 
-use haptograph_engine::frame::OneKind;
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
-};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::lines::mixed_powers;
 use haptograph_surfaces::{Coefficients, Interpolator, SpatialLine};
@@ -12,33 +9,19 @@ use super::frames::{self, LinesAt, Weights};
 use super::load_texture;
 use super::locator::SurfaceSettings;
 
-/// Interpolates between the models of a triangle.
-pub struct LsfInterpolator;
+haptograph_engine::node! {
+    /// Mixes the line spectral frequencies, gains and variances of three models by their weights and converts the mix to
+    /// filter coefficients, AR or ARMA as the surface has them. At zero speed or force the variance is exactly zero.
+    pub struct LsfInterpolator(SurfaceSettings) in "texture";
+    source: "2.4.1";
+    example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/t3-tile.ron")"#;
+    in WEIGHTS: Weights = Port::of(Quantity::NUMBER, "Weights from a `TriangleLocator` of the same surface.");
+    out COEFFICIENTS: frames::Coefficients<'static> =
+        Port::of(Quantity::NUMBER, "The synthesis filter, the variance of its excitation, and the powers \
+                                    of lines fixed in space.");
+}
 
 impl NodeKind for LsfInterpolator {
-    type Settings = SurfaceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "LsfInterpolator",
-        group: "texture",
-        doc: "Mixes the line spectral frequencies, gains and variances of three models by their weights and converts \
-              the mix to filter coefficients, AR or ARMA as the surface has them. At zero speed or force the variance \
-              is exactly zero.",
-        source: "2.4.1",
-        inputs: &[input(
-            "weights",
-            Weights::KIND,
-            Quantity::NUMBER,
-            "Weights from a `TriangleLocator` of the same surface.",
-        )],
-        outputs: &[output(
-            "coefficients",
-            frames::Coefficients::KIND,
-            Quantity::NUMBER,
-            "The synthesis filter, the variance of its excitation, and the powers of lines fixed in space.",
-        )],
-        example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/t3-tile.ron")"#,
-    };
-
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let texture = load_texture(&settings.surface)?;
         Ok(Built::new(Mixing {
@@ -47,11 +30,6 @@ impl NodeKind for LsfInterpolator {
             mix: Coefficients::SILENCE,
         }))
     }
-}
-
-impl LsfInterpolator {
-    const WEIGHTS: Input<Self, Weights> = Input::named("weights");
-    const COEFFICIENTS: Output<Self, frames::Coefficients<'static>> = Output::named("coefficients");
 }
 
 #[derive(Debug, Clone)]
@@ -100,7 +78,7 @@ mod tests {
     use super::super::locator::TriangleLocator;
     use super::super::tile;
     use super::*;
-    use haptograph_engine::frame::Kind;
+    use haptograph_engine::frame::{Kind, OneKind};
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -1,9 +1,7 @@
 //! Position of speed and force on the map of a texture.
 
-use haptograph_engine::frame::{Kind, OneKind, Record, Scalar};
-use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Input, Io, NodeKind, NodeSpec, Output, Processor, Tick, input, output,
-};
+use haptograph_engine::frame::{Record, Scalar};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::Interpolator;
 use std::path::PathBuf;
@@ -19,38 +17,22 @@ haptograph_engine::settings! {
     }
 }
 
-/// Clamps speed and force to the modelled range.
-pub struct Saturation;
+haptograph_engine::node! {
+    /// Clamps speed and force to the range of the surface's models: from zero to the largest of each. `TriangleLocator`
+    /// does this by itself; use it to obtain the rendered speed and force.
+    pub struct Saturation(SurfaceSettings) in "texture";
+    source: "2.4.1";
+    example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#;
+    in SPEED: Scalar = Port::of(Quantity::SPEED, "Speed of the tip, m/s.");
+    in FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out SPEED_WITHIN as "speed": Scalar = Port::of(Quantity::SPEED, "Speed within the model, m/s.");
+    out FORCE_WITHIN as "force": Scalar = Port::of(Quantity::FORCE, "Force within the model, N.");
+}
 
 impl NodeKind for Saturation {
-    type Settings = SurfaceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Saturation",
-        group: "texture",
-        doc: "Clamps speed and force to the range of the surface's models: from zero to the largest of each. \
-              `TriangleLocator` does this by itself; use it to obtain the rendered speed and force.",
-        source: "2.4.1",
-        inputs: &[
-            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),
-            input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
-        ],
-        outputs: &[
-            output("speed", Kind::SCALAR, Quantity::SPEED, "Speed within the model, m/s."),
-            output("force", Kind::SCALAR, Quantity::FORCE, "Force within the model, N."),
-        ],
-        example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
-    };
-
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Saturating { texture: Interpolator::new(&load_texture(&settings.surface)?) }))
     }
-}
-
-impl Saturation {
-    const SPEED: Input<Self, Scalar> = Input::named("speed");
-    const FORCE: Input<Self, Scalar> = Input::named("force");
-    const SPEED_WITHIN: Output<Self, Scalar> = Output::named("speed");
-    const FORCE_WITHIN: Output<Self, Scalar> = Output::named("force");
 }
 
 #[derive(Debug, Clone)]
@@ -68,35 +50,21 @@ impl Processor<Saturation> for Saturating {
     }
 }
 
-/// Finds the triangle of models that contains a speed and force.
-pub struct TriangleLocator;
+haptograph_engine::node! {
+    /// Finds the triangle of models that contains the hand's speed and force, and the barycentric weights of its three
+    /// corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on the edge.
+    pub struct TriangleLocator(SurfaceSettings) in "texture";
+    source: "2.4.1, Eq. 2.4.1";
+    example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#;
+    in SPEED: Scalar = Port::of(Quantity::SPEED, "Speed of the tip, m/s.");
+    in FORCE: Scalar = Port::of(Quantity::FORCE, "Normal force, N.");
+    out WEIGHTS: Weights = Port::of(Quantity::NUMBER, "Three models and their weights.");
+}
 
 impl NodeKind for TriangleLocator {
-    type Settings = SurfaceSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "TriangleLocator",
-        group: "texture",
-        doc: "Finds the triangle of models that contains the hand's speed and force, and the barycentric weights of \
-              its three corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on \
-              the edge.",
-        source: "2.4.1, Eq. 2.4.1",
-        inputs: &[
-            input("speed", Kind::SCALAR, Quantity::SPEED, "Speed of the tip, m/s."),
-            input("force", Kind::SCALAR, Quantity::FORCE, "Normal force, N."),
-        ],
-        outputs: &[output("weights", Weights::KIND, Quantity::NUMBER, "Three models and their weights.")],
-        example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
-    };
-
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Ok(Built::new(Walker { texture: Interpolator::new(&load_texture(&settings.surface)?) }))
     }
-}
-
-impl TriangleLocator {
-    const SPEED: Input<Self, Scalar> = Input::named("speed");
-    const FORCE: Input<Self, Scalar> = Input::named("force");
-    const WEIGHTS: Output<Self, Weights> = Output::named("weights");
 }
 
 #[derive(Debug, Clone)]
@@ -125,6 +93,7 @@ impl Processor<TriangleLocator> for Walker {
 mod tests {
     use super::super::tile;
     use super::*;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::testing::Bench;
 
     #[test]

@@ -3,13 +3,11 @@
 use super::*;
 use crate::frame::{Event, Kind, KindSpec, Level, Linear, OneKind, Record, Scalar, Vector, Wrench};
 use crate::node::{
-    BuildContext, BuildError, Built, Io, NodeKind, Processor, Tick, any_input, input, output, output_like,
+    BuildContext, BuildError, Built, Family, Held, Io, Many, Named, NodeKind, Optional, Port, Processor, Tick,
 };
 use crate::settings::NoSettings;
 use crate::testing::Bench;
 use haptograph_signal::quantity::Quantity;
-
-const TERMS: InputSpec = InputSpec { presence: Presence::Many, ..any_input("terms", "What is added.") };
 
 /// A frame of a kind that the engine does not have.
 #[derive(Debug, Clone, Copy)]
@@ -41,66 +39,44 @@ impl Record for Patch {
     }
 }
 
-/// One input of every form.
-struct Every;
+crate::node! {
+    /// Has an input of every form.
+    struct Every(NoSettings) in "toys";
+    example: "";
+    in SCALAR: Scalar = Port::of(Quantity::FORCE, "A number.");
+    in VECTOR: Vector = Port::of(Quantity::FORCE, "Three of them.");
+    in PATCH: Patch = Port::of(Quantity::NUMBER, "A record.");
+    in HELD: Patch, Held = Port::of(Quantity::NUMBER, "Runs.");
+    in EXTRA: Scalar, Optional = Port::of(Quantity::FORCE, "A number, perhaps.");
+    in EXTRA_HELD: Vector, Optional<Held> = Port::of(Quantity::FORCE, "Runs, perhaps.");
+    in MANY as "terms": Linear, Many = Port::any("What is added.");
+    out SUM: Scalar = Port::of(Quantity::FORCE, "A number.");
+    out TURNED: Vector = Port::of(Quantity::FORCE, "Three of them.");
+    out TOTAL: Linear = Port::like("terms", "As wide as the terms.");
+    out EVENT: Event = Port::of(Quantity::NUMBER, "A record.");
+}
 
 impl NodeKind for Every {
-    type Settings = NoSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Every",
-        group: "toys",
-        doc: "Has an input of every form.",
-        source: "",
-        inputs: &[
-            input("scalar", Kind::SCALAR, Quantity::FORCE, "A number."),
-            input("vector", Kind::VECTOR, Quantity::FORCE, "Three of them."),
-            input("patch", Patch::KIND, Quantity::NUMBER, "A record."),
-            input("held", Patch::KIND, Quantity::NUMBER, "Runs.").held(),
-            input("extra", Kind::SCALAR, Quantity::FORCE, "A number, perhaps.").optional(),
-            input("extra_held", Kind::VECTOR, Quantity::FORCE, "Runs, perhaps.").optional().held(),
-            TERMS,
-        ],
-        outputs: &[
-            output("sum", Kind::SCALAR, Quantity::FORCE, "A number."),
-            output("turned", Kind::VECTOR, Quantity::FORCE, "Three of them."),
-            output_like("total", "terms", "As wide as the terms."),
-            output("event", Kind::EVENT, Quantity::NUMBER, "A record."),
-        ],
-        example: "",
-    };
-
     fn build(_: NoSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        assert_eq!((cx.width(VECTOR), cx.width(HELD)), (3, Patch::KIND.width()));
-        assert_eq!((cx.connections(MANY), cx.width(MANY)), (2, 3));
-        let (extra, runs) = (cx.is_connected(EXTRA), cx.is_connected(EXTRA_HELD));
+        assert_eq!((cx.width(Every::VECTOR), cx.width(Every::HELD)), (3, Patch::KIND.width()));
+        assert_eq!((cx.connections(Every::MANY), cx.width(Every::MANY)), (2, 3));
+        let (extra, runs) = (cx.is_connected(Every::EXTRA), cx.is_connected(Every::EXTRA_HELD));
         assert_eq!(extra, runs);
         Ok(Built::new(Reader))
     }
 }
-
-const SCALAR: Input<Every, Scalar> = Input::named("scalar");
-const VECTOR: Input<Every, Vector> = Input::named("vector");
-const PATCH: Input<Every, Patch> = Input::named("patch");
-const HELD: Input<Every, Patch, Held> = Input::named("held");
-const EXTRA: Input<Every, Scalar, Optional> = Input::named("extra");
-const EXTRA_HELD: Input<Every, Vector, Optional<Held>> = Input::named("extra_held");
-const MANY: Input<Every, Linear, Many> = Input::named("terms");
-const SUM: Output<Every, Scalar> = Output::named("sum");
-const TURNED: Output<Every, Vector> = Output::named("turned");
-const TOTAL: Output<Every, Linear> = Output::named("total");
-const EVENT: Output<Every, Event> = Output::named("event");
 
 #[derive(Clone)]
 struct Reader;
 
 impl Processor<Every> for Reader {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_, Every>) {
-        let (scalars, vectors) = (io.read(SCALAR), io.read(VECTOR));
-        let (extra, extra_runs) = (io.read(EXTRA), io.read(EXTRA_HELD));
+        let (scalars, vectors) = (io.read(Every::SCALAR), io.read(Every::VECTOR));
+        let (extra, extra_runs) = (io.read(Every::EXTRA), io.read(Every::EXTRA_HELD));
         assert_eq!((scalars.len(), vectors.len()), (tick.frames, tick.frames));
-        let (runs, patches) = (io.read(HELD), io.decode(PATCH));
+        let (runs, patches) = (io.read(Every::HELD), io.decode(Every::PATCH));
         // Not in the order of the spec.
-        let (turned, sum) = io.write_all((TURNED, SUM));
+        let (turned, sum) = io.write_all((Every::TURNED, Every::SUM));
         for (((turned, sum), [x, y, z]), scalar) in turned.iter_mut().zip(&mut *sum).zip(vectors).zip(scalars)
         {
             (*turned, *sum) = ([*z, *x, *y], x + y + z + scalar);
@@ -118,15 +94,15 @@ impl Processor<Every> for Reader {
         for (frames, [_, _, z]) in extra_runs.into_iter().flatten() {
             sum[frames].iter_mut().for_each(|sum| *sum += z);
         }
-        let (terms, width) = (io.read(MANY), io.width(MANY));
+        let (terms, width) = (io.read(Every::MANY), io.width(Every::MANY));
         assert_eq!((terms.len(), width), (2, 3));
         assert_eq!(terms.nth_or_last(7), terms.nth_or_last(1));
-        let total = io.write(TOTAL);
+        let total = io.write(Every::TOTAL);
         total.fill(0.0);
         for term in terms.iter() {
             total.iter_mut().zip(term).for_each(|(total, term)| *total += term);
         }
-        for event in io.write(EVENT) {
+        for event in io.write(Every::EVENT) {
             *event = Event::default().to_components();
         }
     }
@@ -198,59 +174,43 @@ fn refused<T>(look_up: impl FnOnce() -> T + std::panic::UnwindSafe) -> String {
 }
 
 #[test]
-fn what_does_not_fit_the_declaration_has_no_handle() {
-    let message = refused(|| Input::<Every, Scalar, Sampled>::named("scalr"));
-    assert_eq!(message, "no input has this name");
-    let message = refused(|| Input::<Every, Scalar, Sampled>::named("vector"));
+fn what_does_not_fit_the_declaration_is_refused() {
+    let message = refused(|| Input::<Every, Vector>::declared(0, "scalar").check());
     assert_eq!(message, "the frames of this input are of another kind");
-    let message = refused(|| Input::<Every, Scalar, Sampled>::named("extra"));
-    assert!(message.contains("`Input<_, _, Optional>`"), "{message}");
-    let message = refused(|| Input::<Every, Scalar, Optional>::named("scalar"));
-    assert!(message.contains("always connected"), "{message}");
-    let message = refused(|| Input::<Every, Linear, Sampled>::named("terms"));
-    assert!(message.contains("`Input<_, _, Many>`"), "{message}");
-    let message = refused(|| Input::<Every, Patch, Sampled>::named("held"));
-    assert!(message.contains("runs"), "{message}");
-    let message = refused(|| Input::<Every, Scalar, Held>::named("scalar"));
-    assert!(message.contains("frame per tick"), "{message}");
-    let message = refused(|| Output::<Every, Scalar>::named("turnd"));
-    assert_eq!(message, "no output has this name");
-    let message = refused(|| Output::<Every, Wrench>::named("turned"));
+    let message = refused(|| Input::<Every, Scalar, Many>::declared(0, "scalar").check());
+    assert_eq!(message, "an input of any number of connections comes last");
+    let message = refused(|| Output::<Every, Wrench>::declared(1, "turned").check());
     assert_eq!(message, "the frames of this output are of another kind");
-    let message = refused(|| Output::<Every, Linear>::named("event"));
+    let message = refused(|| Output::<Every, Linear>::declared(3, "event").check());
     assert_eq!(message, "the frames of this output are of another kind");
+    let message = refused(|| Output::<Every, Event, Family>::declared(3, "event").check());
+    assert!(message.contains("`.named_by(\"setting\")`"), "{message}");
+    let message = refused(|| Output::<Each, Linear>::declared(1, "products").check());
+    assert!(message.contains("`Family`"), "{message}");
 }
 
 #[test]
 #[should_panic(expected = "requested twice")]
 fn an_output_is_not_written_twice_at_once() {
-    #[derive(Clone)]
-    struct Twice;
+    crate::node! {
+        /// Writes an output twice.
+        struct Twice(NoSettings) in "toys";
+        example: "";
+        out OUT: Scalar = Port::of(Quantity::NUMBER, "");
+    }
 
     impl Processor<Twice> for Twice {
         fn process(&mut self, _: &Tick, io: &mut Io<'_, Twice>) {
-            let _ = io.write_all((OUT, OUT));
+            let _ = io.write_all((Twice::OUT, Twice::OUT));
         }
     }
 
     impl NodeKind for Twice {
-        type Settings = NoSettings;
-        const SPEC: NodeSpec = NodeSpec {
-            name: "Twice",
-            group: "toys",
-            doc: "",
-            source: "",
-            inputs: &[],
-            outputs: &[output("out", Kind::SCALAR, Quantity::NUMBER, "")],
-            example: "",
-        };
-
         fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
             Ok(Built::new(Self))
         }
     }
 
-    const OUT: Output<Twice, Scalar> = Output::named("out");
     let mut bench = Bench::new::<Twice>(NoSettings {}, 1000.0, &[]).unwrap();
     bench.run_source(1);
 }
@@ -263,50 +223,38 @@ crate::settings! {
     }
 }
 
-/// As many outputs as factors, behind one that is always there.
-struct Each;
+crate::node! {
+    /// Has an output for each factor.
+    struct Each(EachSettings) in "toys";
+    example: "";
+    in FACTORED as "terms": Linear, Named = Port::any("What is added and multiplied.");
+    out COUNT: Scalar = Port::of(Quantity::NUMBER, "How many products there are.");
+    out PRODUCTS: Linear, Family = Port::like("terms", "A product.").named_by("factors");
+}
 
 impl NodeKind for Each {
-    type Settings = EachSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Each",
-        group: "toys",
-        doc: "Has an output for each factor.",
-        source: "",
-        inputs: &[any_input("terms", "What is added and multiplied.").named()],
-        outputs: &[
-            output("count", Kind::SCALAR, Quantity::NUMBER, "How many products there are."),
-            output_like("products", "terms", "A product.").named_by("factors"),
-        ],
-        example: "",
-    };
-
     fn members(settings: &EachSettings) -> Result<Vec<String>, BuildError> {
         Ok(settings.factors.iter().map(|factor| format!("by {factor}")).collect())
     }
 
     fn build(settings: EachSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        assert_eq!((cx.names(FACTORED).len(), cx.connections(FACTORED)), (2, 2));
+        assert_eq!((cx.names(Each::FACTORED).len(), cx.connections(Each::FACTORED)), (2, 2));
         Ok(Built::new(Factors(settings.factors)))
     }
 }
-
-const FACTORED: Input<Each, Linear, Named> = Input::named("terms");
-const COUNT: Output<Each, Scalar> = Output::named("count");
-const PRODUCTS: OutputFamily<Each, Linear> = OutputFamily::named("products");
 
 #[derive(Clone)]
 struct Factors(Vec<f64>);
 
 impl Processor<Each> for Factors {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Each>) {
-        let terms = io.read(FACTORED);
-        let members = io.members(PRODUCTS);
+        let terms = io.read(Each::FACTORED);
+        let members = io.members(Each::PRODUCTS);
         assert_eq!(members, self.0.len());
-        assert!(members == 0 || io.member_width(PRODUCTS) == io.width(FACTORED));
-        io.write(COUNT).fill(members as f64);
+        assert!(members == 0 || io.member_width(Each::PRODUCTS) == io.width(Each::FACTORED));
+        io.write(Each::COUNT).fill(members as f64);
         for (member, factor) in self.0.iter().enumerate() {
-            let product = io.write_member(PRODUCTS, member);
+            let product = io.write_member(Each::PRODUCTS, member);
             product.fill(0.0);
             for term in terms.iter() {
                 product.iter_mut().zip(term).for_each(|(y, x)| *y += factor * x);
@@ -346,5 +294,5 @@ fn a_member_that_does_not_exist_is_not_written() {
         out: &mut memory,
         behind: &[],
     };
-    Io::<Each>::new(ports).write_member(PRODUCTS, 1);
+    Io::<Each>::new(ports).write_member(Each::PRODUCTS, 1);
 }

@@ -6,8 +6,7 @@ use crate::diagnostic::{Sources, Span};
 use crate::frame::{AnyKind, Kind};
 use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
 use crate::node::{
-    BuildContext, BuildError, Built, Io, Limit, LiveId, NodeEntry, NodeKind, NodeSpec, Of, Processor,
-    SettingId, Tick,
+    BuildContext, BuildError, Built, Io, Limit, LiveId, NodeEntry, NodeKind, Of, Processor, SettingId, Tick,
 };
 use crate::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
@@ -41,11 +40,11 @@ impl Leaky {
 }
 
 impl Processor<Nothing> for Leaky {
-    fn set(&mut self, _: LiveId<Nothing>, weight: f64) {
+    fn set(&mut self, _: LiveId<LeakySettings>, weight: f64) {
         self.weight = weight;
     }
 
-    fn set_item(&mut self, _: LiveId<Nothing>, item: usize, value: f64) {
+    fn set_item(&mut self, _: LiveId<LeakySettings>, item: usize, value: f64) {
         self.weight = value / (1.0 + item as f64);
     }
 
@@ -113,23 +112,18 @@ crate::settings! {
     }
 }
 
-/// The kind of all nodes of these graphs.
-pub struct Nothing;
+crate::node! {
+    /// The kind of all nodes of these graphs.
+    pub struct Nothing as "Leaky"(LeakySettings) in "test";
+    example: "";
+}
+
 impl NodeKind for Nothing {
-    type Settings = LeakySettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Leaky",
-        group: "test",
-        doc: "",
-        source: "",
-        inputs: &[],
-        outputs: &[],
-        example: "",
-    };
     fn build(_: LeakySettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         Err(BuildError::at("none", "built by hand"))
     }
 }
+
 struct NoBody;
 impl crate::device::DeviceKind for NoBody {
     type Settings = NoSettings;
