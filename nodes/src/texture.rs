@@ -6,7 +6,6 @@ pub mod force;
 pub mod frames;
 pub mod interpolator;
 pub mod locator;
-mod upsampler;
 
 use haptograph_engine::node::BuildError;
 use haptograph_surfaces::{Surface, TextureModel, files};

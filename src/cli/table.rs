@@ -2,6 +2,8 @@
 
 use crate::report::table::Table;
 
+pub use crate::signal::units::decimal::significant;
+
 /// A table with a header. Rows may be shorter than the header.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     Table::new(header, rows.to_vec()).text()
@@ -14,20 +16,6 @@ pub fn facts(facts: &[(&str, String)]) -> String {
         .iter()
         .map(|(name, value)| format!("{name}{}  {value}\n", " ".repeat(wide - name.chars().count())))
         .collect()
-}
-
-/// Formats a number with `digits` significant digits, without trailing zeros.
-pub fn significant(value: f64, digits: usize) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let exponent = value.abs().log10().floor() as i32;
-    if !(-4..=6).contains(&exponent) {
-        return format!("{value:.*e}", digits.saturating_sub(1));
-    }
-    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 #[cfg(test)]

@@ -7,11 +7,10 @@
 
 pub mod bounds;
 pub mod coverage;
-pub mod crackle;
 pub mod files;
 pub mod hull;
 pub mod interpolation;
-pub mod lines;
+pub mod layers;
 pub mod lsf;
 pub mod model;
 #[cfg(not(target_family = "wasm"))]
@@ -27,10 +26,9 @@ pub mod taps;
 pub mod texture;
 pub mod triangulation;
 
-pub use crackle::Crackle;
 pub use haptograph_signal::statistics::Line;
 pub use interpolation::{Coefficients, Interpolator, Spot};
-pub use lines::SpatialLine;
+pub use layers::{Crackle, SpatialLine};
 pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};
 pub use surface::{Friction, Stiffness, Surface, SurfaceError};

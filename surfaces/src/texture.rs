@@ -1,12 +1,12 @@
 //! A texture: models of sliding vibration over speed and force, triangulated.
 
 use crate::bounds::{RATES, RATES_HZ, shown};
-use crate::crackle::{self, Crackle};
 use crate::hull::{self, Hull};
-use crate::lines::{self, SpatialLine};
+use crate::layers::{Layer, LayerError};
 use crate::model::{ArmaModel, ModelError};
 use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
 use haptograph_signal::filter::{Sections, butterworth_highpass};
+use std::sync::Arc;
 
 /// Order of the high-pass of processing, in each direction. The thesis does not state it.
 pub const HIGHPASS_ORDER: usize = 2;
@@ -18,8 +18,8 @@ pub struct TextureModel {
     models: Vec<ModelAt>,
     triangulation: Triangulation,
     highpass_hz: Option<f64>,
-    crackle: Option<Crackle>,
-    lines: Vec<SpatialLine>,
+    /// In the order of their names, each once.
+    pub(crate) layers: Vec<Arc<dyn Layer>>,
 }
 
 /// A model and its position on the map.
@@ -74,7 +74,7 @@ impl TextureModel {
             }
         }
         let triangulation = Triangulation::new(&positions(&models), triangles)?;
-        Ok(TextureModel { rate_hz, models, triangulation, highpass_hz: None, crackle: None, lines: vec![] })
+        Ok(TextureModel { rate_hz, models, triangulation, highpass_hz: None, layers: vec![] })
     }
 
     /// The same texture with a high-pass that the renderer applies at its output: see [`Self::highpass_hz`].
@@ -88,37 +88,15 @@ impl TextureModel {
         Ok(self)
     }
 
-    /// The same texture with an excitation whose level fluctuates by `crackle`.
-    pub fn with_crackle(mut self, crackle: Option<Crackle>) -> Self {
-        self.crackle = crackle;
-        self
-    }
-
-    /// The same texture with lines fixed in space in addition to its noise.
-    ///
-    /// Checks that there are at most [`lines::MAX_LINES`], each with a power for every model, none at zero speed and force.
-    pub fn with_lines(mut self, lines: Vec<SpatialLine>) -> Result<Self, TextureError> {
-        if lines.len() > lines::MAX_LINES {
-            return Err(TextureError::Lines { count: lines.len() });
-        }
-        for (number, line) in lines.iter().enumerate() {
-            let (powers, models) = (line.powers_m2_s4(), self.models.len());
-            if powers.len() != models {
-                return Err(TextureError::LinePowers { line: number, powers: powers.len(), models });
-            }
-            let loud =
-                |(at, power): (&ModelAt, &f64)| (at.speed_m_s == 0.0 || at.force_n == 0.0) && *power != 0.0;
-            if let Some(vertex) = self.models.iter().zip(powers).position(loud) {
-                return Err(TextureError::LineAtRest { line: number, vertex });
-            }
-        }
-        self.lines = lines;
-        Ok(self)
-    }
-
-    /// The same models with the high-pass, crackle and lines of `other`.
+    /// The same models with the high-pass and the layers of `other`, resampled to their rate.
     pub fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
-        self.with_highpass_hz(other.highpass_hz)?.with_crackle(other.crackle).with_lines(other.lines.clone())
+        let mut texture = self.with_highpass_hz(other.highpass_hz)?;
+        texture.layers.clear();
+        for layer in &other.layers {
+            let resampled = layer.resampled(other.rate_hz, texture.rate_hz);
+            texture = texture.with_layer(resampled.unwrap_or_else(|| layer.clone()))?;
+        }
+        Ok(texture)
     }
 
     /// A texture of `models`, which include the border, with the Delaunay triangulation of their z-scores.
@@ -154,16 +132,6 @@ impl TextureModel {
     /// It is the high-pass of processing: a Butterworth filter of order 2, forward and backward, so that its magnitude is squared.
     pub fn highpass_hz(&self) -> Option<f64> {
         self.highpass_hz
-    }
-
-    /// The fluctuation of the excitation's level; `None` for plain white noise.
-    pub fn crackle(&self) -> Option<Crackle> {
-        self.crackle
-    }
-
-    /// Lines fixed in space; their powers are in the order of the models.
-    pub fn lines(&self) -> &[SpatialLine] {
-        &self.lines
     }
 
     /// The filter of [`Self::highpass_hz`] for a renderer: causal, of the same magnitude.
@@ -287,54 +255,9 @@ pub enum TextureError {
         /// The models' rate.
         rate_hz: f64,
     },
-    /// Crackle out of range.
-    #[error(
-        "crackle of depth {depth} and time constant {time_constant_s} s: the depth must be above 0 and at most {}, the time constant above 0 and at most {} s",
-        crackle::MAX_DEPTH,
-        crackle::MAX_TIME_CONSTANT_S
-    )]
-    Crackle {
-        /// The depth given.
-        depth: f64,
-        /// The time constant given.
-        time_constant_s: f64,
-    },
-    /// A line out of range.
-    #[error(
-        "the line at {cycles_per_m} cycles per metre: its frequency must be finite and above 0, its diffusion and powers finite and at least 0"
-    )]
-    Line {
-        /// The cycles given.
-        cycles_per_m: f64,
-    },
-    /// Too many lines.
-    #[error("the texture has {count} lines; it may have {} at most", lines::MAX_LINES)]
-    Lines {
-        /// Number of lines given.
-        count: usize,
-    },
-    /// A line whose number of powers differs from the number of models.
-    #[error(
-        "line {line} (from 0) has {powers} powers, but the map has {models} models; a line needs one power for each model"
-    )]
-    LinePowers {
-        /// The line's number, from 0.
-        line: usize,
-        /// Number of its powers.
-        powers: usize,
-        /// Number of models.
-        models: usize,
-    },
-    /// A line with power at zero speed or force.
-    #[error(
-        "line {line} (from 0) has power at model {vertex}, which stands at zero speed or force; it must be 0 there"
-    )]
-    LineAtRest {
-        /// The line's number, from 0.
-        line: usize,
-        /// The model's number, from 0.
-        vertex: usize,
-    },
+    /// An invalid layer.
+    #[error(transparent)]
+    Layer(#[from] LayerError),
     /// A model with variance at zero speed or force.
     #[error(
         "model {vertex} (from 0) stands at zero speed or force with variance {variance}; it must be 0 there"

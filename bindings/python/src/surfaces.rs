@@ -16,7 +16,7 @@ use haptograph::signal::resample::{Quality, resample_whole};
 use haptograph::signal::time::Rate;
 use haptograph::surfaces::files;
 use haptograph::surfaces::rendering::{
-    SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesis, synthesise_into, synthesise_with,
+    SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesise_into, synthesise_with,
 };
 use haptograph::surfaces::resampling::{Method, resample_surface};
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
@@ -274,7 +274,7 @@ impl Surface {
 /// Indices of the samples at which forces and speeds are read.
 #[pyfunction]
 pub fn update_samples(py: Python<'_>, rate: f64, update: f64, samples: usize) -> Bound<'_, PyArray1<i64>> {
-    let places = synthesis::update_samples(rate, update, samples);
+    let places = haptograph::surfaces::rendering::update_samples(rate, update, samples);
     PyArray1::from_iter(py, places.map(|place| place as i64))
 }
 

@@ -5,8 +5,6 @@ pub const LONG_FUNCTIONS: &[(&str, &str)] = &[
     ("learning/src/recording/import.rs: fmt", "one match: a text for each finding"),
     ("src/cli/bench/cost_report.rs: to_text", "to be split"),
     ("src/cli/run/live.rs: run_with", "to be split"),
-    ("surfaces/src/files/native/write.rs: write_texture", "to be split"),
-    ("surfaces/src/rendering/synthesis.rs: synthesise_with", "to be split"),
 ];
 
 /// File and macro of more than 40 lines.

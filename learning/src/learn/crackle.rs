@@ -7,7 +7,7 @@
 use super::whitening::Whitened;
 use haptograph_signal::Complex64;
 use haptograph_signal::fft;
-use haptograph_surfaces::crackle::{Crackle, MAX_DEPTH};
+use haptograph_surfaces::layers::crackle::{Crackle, MAX_DEPTH};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::TAU;
@@ -286,7 +286,8 @@ fn expected(depth: f64, time_constant_s: f64, window: usize, window_s: f64) -> [
 mod tests {
     use super::*;
     use haptograph_signal::noise::Gaussian;
-    use haptograph_surfaces::crackle::CrackleSource;
+    use haptograph_surfaces::layers::LayerVoice;
+    use haptograph_surfaces::layers::crackle::CrackleSource;
 
     const RATE_HZ: f64 = 10_000.0;
 
@@ -310,7 +311,7 @@ mod tests {
     fn crackling(depth: f64, time_constant_s: f64, seed: u64) -> Vec<f64> {
         let mut samples = misfit(seed);
         let crackle = Crackle::new(depth, time_constant_s).expect("in range");
-        CrackleSource::new(crackle, RATE_HZ, seed + 1000).modulate(&mut samples);
+        CrackleSource::new(crackle, RATE_HZ, seed + 1000).process(&mut samples);
         samples
     }
 

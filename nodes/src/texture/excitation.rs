@@ -4,9 +4,8 @@ use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Held, Io, NodeKind, Optional, Port, Processor, Tick,
 };
-use haptograph_signal::noise::{Gaussian, stream_seed};
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::crackle::CrackleSource;
+use haptograph_surfaces::rendering;
 use std::path::PathBuf;
 
 use super::frames::Coefficients;
@@ -35,47 +34,26 @@ haptograph_engine::node! {
 impl NodeKind for Excitation {
     fn build(settings: ExcitationSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let texture = settings.surface.as_deref().map(load_texture).transpose()?;
-        let crackle = texture.and_then(|texture| texture.crackle());
-        let source = |crackle| CrackleSource::new(crackle, cx.rate.hz(), stream_seed(cx.seed, "crackle"));
-        Ok(Built::new(Exciting {
-            stream: Gaussian::new(cx.seed),
-            crackle: crackle.map(|crackle| Box::new(source(crackle))),
-        }))
+        Ok(Built::new(Exciting(rendering::Excitation::new(texture.as_ref(), cx.rate.hz(), cx.seed))))
     }
 }
 
 #[derive(Debug, Clone)]
-struct Exciting {
-    stream: Gaussian,
-    crackle: Option<Box<CrackleSource>>,
-}
+struct Exciting(rendering::Excitation);
 
 impl Processor<Excitation> for Exciting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, Excitation>) {
         let runs = io.read(Excitation::COEFFICIENTS);
         let out = io.write(Excitation::EXCITATION);
-        // The streams also advance in silence, so that they depend on time only.
-        self.stream.fill(out);
-        if let Some(crackle) = &mut self.crackle {
-            crackle.modulate(out);
-        }
+        self.0.fill(out);
         for (frames, coefficients) in runs.into_iter().flatten() {
             let variance = Coefficients::from_components(coefficients).variance;
-            let run = &mut out[frames];
-            if variance > 0.0 {
-                let deviation = variance.sqrt();
-                run.iter_mut().for_each(|e| *e *= deviation);
-            } else {
-                run.fill(0.0);
-            }
+            rendering::Excitation::scale(&mut out[frames], variance);
         }
     }
 
     fn copy_state_into(&self, new: &mut Self) {
-        new.stream.clone_from(&self.stream);
-        if let (Some(new), Some(old)) = (&mut new.crackle, &self.crackle) {
-            new.copy_state_from(old);
-        }
+        new.0.copy_state_from(&self.0);
     }
 }
 

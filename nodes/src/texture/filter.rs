@@ -4,18 +4,15 @@ use haptograph_engine::frame::Scalar;
 use haptograph_engine::node::{
     BuildContext, BuildError, Built, Held, Io, Latency, NodeKind, Port, Processor, Tick,
 };
-use haptograph_signal::arma::{self, WarpedLattice};
-use haptograph_signal::filter::SectionsState;
-use haptograph_signal::noise::stream_seed;
+use haptograph_signal::arma;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
 use haptograph_surfaces::TextureModel;
-use haptograph_surfaces::lines::LineSource;
+use haptograph_surfaces::rendering::{self, Upsampler};
 use std::path::PathBuf;
 
-use super::frames::{Coefficients, LinesAt};
+use super::frames::{Coefficients, LayersAt};
 use super::load_texture;
-use super::upsampler::Upsampler;
 
 haptograph_engine::choices! {
     /// The structure of an [`ArmaFilter`].
@@ -56,28 +53,17 @@ haptograph_engine::node! {
 
 impl NodeKind for ArmaFilter {
     fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let (mut upsampler, mut highpass, mut lines) = (None, None, None);
-        if let Some(surface) = &settings.surface {
-            let texture = load_texture(surface)?;
-            upsampler = upsampler_of(&texture, cx.rate)?;
-            highpass = texture.output_highpass().map(|sections| SectionsState::new(&sections));
-            lines = line_source(&texture, cx);
-        }
+        let texture = settings.surface.as_deref().map(load_texture).transpose()?;
+        let upsampler = texture.as_ref().map(|texture| upsampler_of(texture, cx.rate)).transpose()?;
         let form = match settings.form {
             Form::Direct => arma::Form::Direct,
             Form::Lattice => arma::Form::Lattice,
         };
+        let synthesis = rendering::Synthesis::new(texture.as_ref(), form, cx.rate.hz(), cx.seed);
         Ok(Built::new(Synthesis {
-            maker: Maker {
-                filter: arma::ArmaFilter::new(form),
-                warped: WarpedLattice::new(),
-                is_warped: false,
-                highpass,
-            },
+            synthesis: synthesis.upsampled(upsampler.flatten()),
             form,
             lanes: [f64::NAN; Coefficients::WIDTH],
-            upsampler,
-            lines,
         }))
     }
 
@@ -100,17 +86,8 @@ impl NodeKind for ArmaFilter {
     }
 }
 
-/// The generator of the lines of a surface, if it has lines.
-fn line_source(texture: &TextureModel, cx: &BuildContext) -> Option<Box<LineSource>> {
-    let lines = texture.lines();
-    (!lines.is_empty()).then(|| {
-        let seed = stream_seed(cx.seed, "lines");
-        Box::new(LineSource::new(lines, cx.rate.hz(), texture.rate_hz(), seed))
-    })
-}
-
 /// The upsampler from the rate of a surface's models to the clock's, if they differ.
-fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Box<Upsampler>>, BuildError> {
+fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Upsampler>, BuildError> {
     let models_hz = texture.rate_hz();
     if models_hz == clock.hz() {
         return Ok(None);
@@ -130,64 +107,15 @@ fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Box<Upsamp
             "the ratio of these rates is too fine to interpolate; use a clock of {models_hz} Hz or a whole multiple"
         ))
     };
-    made.map(|made| Some(Box::new(made))).ok_or_else(refused)
+    made.map(Some).ok_or_else(refused)
 }
 
 #[derive(Debug, Clone)]
 struct Synthesis {
-    maker: Maker,
+    synthesis: rendering::Synthesis,
     form: arma::Form,
     /// The present coefficients, initially none: comparing them costs less than converting them again.
     lanes: [f64; Coefficients::WIDTH],
-    upsampler: Option<Box<Upsampler>>,
-    lines: Option<Box<LineSource>>,
-}
-
-/// Filters excitation to vibration at the models' rate.
-#[derive(Debug, Clone)]
-struct Maker {
-    filter: arma::ArmaFilter,
-    warped: WarpedLattice,
-    /// Which of the two is active.
-    is_warped: bool,
-    highpass: Option<SectionsState>,
-}
-
-impl Maker {
-    fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
-        if self.is_warped {
-            self.warped.process(excitation, out);
-        } else {
-            self.filter.process(excitation, out);
-        }
-        if let Some(highpass) = &mut self.highpass {
-            highpass.process_in_place(out);
-        }
-    }
-
-    fn take(&mut self, coefficients: Coefficients<'_>) {
-        let Coefficients { ar, ma, gain, warping, .. } = coefficients;
-        let is_warped = warping != 0.0;
-        // Invalid coefficients leave the old ones active: the vibration stays bounded.
-        let taken = if is_warped {
-            self.warped.set_coefficients(ar, warping, gain)
-        } else {
-            self.filter.set_coefficients(ar, ma, gain)
-        };
-        if taken.is_ok() {
-            self.is_warped = is_warped;
-        }
-    }
-
-    /// Takes over the state of another filter. Does not allocate.
-    fn copy_state_from(&mut self, other: &Self) {
-        self.filter.clone_from(&other.filter);
-        self.warped.copy_state_from(&other.warped);
-        self.is_warped = other.is_warped;
-        if let (Some(new), Some(old)) = (&mut self.highpass, &other.highpass) {
-            new.copy_state_from(old);
-        }
-    }
 }
 
 impl Synthesis {
@@ -196,53 +124,34 @@ impl Synthesis {
             return;
         }
         self.lanes = *lanes;
-        self.maker.take(Coefficients::from_components(&self.lanes));
+        let Coefficients { ar, ma, gain, warping, .. } = Coefficients::from_components(&self.lanes);
+        // Invalid coefficients leave the old ones active: the vibration stays bounded.
+        let _ = self.synthesis.set_filter(ar, ma, gain, warping);
     }
 }
 
 impl Processor<ArmaFilter> for Synthesis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_, ArmaFilter>) {
-        let (runs, places) = (io.read(ArmaFilter::COEFFICIENTS), io.read(ArmaFilter::COEFFICIENTS));
-        let excitation = io.read(ArmaFilter::EXCITATION);
+        let (runs, excitation) = (io.read(ArmaFilter::COEFFICIENTS), io.read(ArmaFilter::EXCITATION));
         let out = io.write(ArmaFilter::ACCELERATION);
         for (frames, coefficients) in runs {
             self.take(coefficients);
-            let (excitation, out) = (&excitation[frames.clone()], &mut out[frames]);
-            let Some(upsampler) = &mut self.upsampler else {
-                self.maker.process(excitation, out);
-                continue;
-            };
-            // Of white noise the samples at the models' ticks are white noise of the same variance.
-            for (e, y) in excitation.iter().zip(out) {
-                *y = upsampler.next(|| {
-                    let mut made = [0.0];
-                    self.maker.process(&[*e], &mut made);
-                    made[0]
-                });
+            if self.synthesis.has_layers() {
+                let at = LayersAt::from_components(coefficients);
+                self.synthesis.set_layers(at.speed_m_s, &at.components);
             }
-        }
-        let Some(lines) = &mut self.lines else { return };
-        for (frames, coefficients) in places {
-            let at = LinesAt::from_components(coefficients);
-            lines.set(at.speed_m_s, at.powers_m2_s4);
-            lines.add_to(&mut out[frames]);
+            self.synthesis.process(&excitation[frames.clone()], &mut out[frames]);
         }
     }
 
     fn latency(&self) -> Latency {
-        Latency::of_group(self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()))
+        Latency::of_group(self.synthesis.group_delay_s())
     }
 
     fn copy_state_into(&self, new: &mut Self) {
         if new.form == self.form {
-            new.maker.copy_state_from(&self.maker);
+            new.synthesis.copy_state_from(&self.synthesis);
             new.lanes = self.lanes;
-            if let (Some(new), Some(old)) = (&mut new.upsampler, &self.upsampler) {
-                new.copy_state_from(old);
-            }
-            if let (Some(new), Some(old)) = (&mut new.lines, &self.lines) {
-                new.copy_state_from(old);
-            }
         }
     }
 }

@@ -1,17 +1,32 @@
 //! Frames between the nodes of a texture: places among the models of a surface, and synthesis filters.
 
 use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Record};
+use haptograph_surfaces::layers;
 
-/// The head, the AR and the MA coefficients up to [`Coefficients::MAX_ORDER`], and [`LinesAt`].
+/// The head, and the AR and the MA coefficients up to [`Coefficients::MAX_ORDER`].
 #[rustfmt::skip]
-const COMPONENTS: [&str; 73] = [
+const FILTER: [&str; 69] = [
     "ar_order", "ma_order", "gain", "variance", "warping",
     "a1", "a2", "a3", "a4", "a5", "a6", "a7", "a8", "a9", "a10", "a11", "a12", "a13", "a14", "a15", "a16",
     "a17", "a18", "a19", "a20", "a21", "a22", "a23", "a24", "a25", "a26", "a27", "a28", "a29", "a30", "a31", "a32",
     "b1", "b2", "b3", "b4", "b5", "b6", "b7", "b8", "b9", "b10", "b11", "b12", "b13", "b14", "b15", "b16",
     "b17", "b18", "b19", "b20", "b21", "b22", "b23", "b24", "b25", "b26", "b27", "b28", "b29", "b30", "b31", "b32",
-    "speed_m_s", "line_1", "line_2", "line_3",
 ];
+
+/// The filter, the speed, and what the layers of a texture interpolate.
+const NAMES: [&str; FILTER.len() + 1 + layers::COMPONENTS] = {
+    let mut names = ["speed_m_s"; FILTER.len() + 1 + layers::COMPONENTS];
+    let mut at = 0;
+    while at < FILTER.len() {
+        names[at] = FILTER[at];
+        at += 1;
+    }
+    while at < FILTER.len() + layers::COMPONENTS {
+        names[at + 1] = layers::COMPONENT_NAMES[at - FILTER.len()];
+        at += 1;
+    }
+    names
+};
 
 /// A point of the speed-force plane as a triangle of models and its barycentric weights (Eq. 2.4.1).
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -86,7 +101,7 @@ impl OneKind for Coefficients<'static> {
     const KIND: Kind = Kind::new(&KindSpec {
         name: "coefficients",
         one: "coefficients",
-        components: &COMPONENTS,
+        components: &NAMES,
         neutral: &[],
         is_linear: false,
         bridges: &[],
@@ -99,14 +114,14 @@ impl OneKind for Coefficients<'static> {
             },
         },
     });
-    type Array = [f64; COMPONENTS.len()];
+    type Array = [f64; NAMES.len()];
 }
 
 impl<'a> Coefficients<'a> {
     /// The highest AR and MA order a frame can hold.
     pub const MAX_ORDER: usize = haptograph_signal::arma::MAX_ORDER;
     /// Components of one coefficients frame.
-    pub const WIDTH: usize = COMPONENTS.len();
+    pub const WIDTH: usize = NAMES.len();
     const HEAD: usize = 5;
 
     /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
@@ -122,7 +137,7 @@ impl<'a> Coefficients<'a> {
         }
     }
 
-    /// Writes a frame without lines. Orders beyond [`Self::MAX_ORDER`] are cut to it.
+    /// Writes a frame without layers. Orders beyond [`Self::MAX_ORDER`] are cut to it.
     pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
         let p = self.ar.len().min(Self::MAX_ORDER);
         let q = self.ma.len().min(Self::MAX_ORDER);
@@ -135,27 +150,27 @@ impl<'a> Coefficients<'a> {
     }
 }
 
-/// Lines fixed in space, at the place that a frame of [`Coefficients`] is for and in the same frame.
+/// What the layers of a texture have at the place that a frame of [`Coefficients`] is for, in the same frame.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct LinesAt {
+pub struct LayersAt {
     /// The speed for which the coefficients are.
     pub speed_m_s: f64,
-    /// Power of each line of the surface, (m/s2)^2; 0 from their number on.
-    pub powers_m2_s4: [f64; 3],
+    /// The components of all [`layers::LAYERS`]; 0 for layers that the texture does not have.
+    pub components: [f64; layers::COMPONENTS],
 }
 
-impl LinesAt {
+impl LayersAt {
     /// Reads them from a frame of coefficients.
     pub fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
-        let [.., speed_m_s, a, b, c] = *components;
-        Self { speed_m_s, powers_m2_s4: [a, b, c] }
+        let mut at = Self { speed_m_s: components[FILTER.len()], ..Self::default() };
+        at.components.copy_from_slice(&components[FILTER.len() + 1..]);
+        at
     }
 
     /// Adds them to a frame of coefficients that is written.
     pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
-        let [.., speed_m_s, a, b, c] = components;
-        *speed_m_s = self.speed_m_s;
-        [*a, *b, *c] = self.powers_m2_s4;
+        components[FILTER.len()] = self.speed_m_s;
+        components[FILTER.len() + 1..].copy_from_slice(&self.components);
     }
 }
 
@@ -175,10 +190,10 @@ mod tests {
             (read.ar, read.ma, read.gain, read.variance, read.warping),
             (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
-        assert_eq!(LinesAt::from_components(&components), LinesAt::default());
-        let lines = LinesAt { speed_m_s: 0.1, powers_m2_s4: [0.5, 0.25, 0.0] };
+        assert_eq!(LayersAt::from_components(&components), LayersAt::default());
+        let lines = LayersAt { speed_m_s: 0.1, components: [0.5, 0.25, 0.0] };
         lines.write(&mut components);
-        assert_eq!(LinesAt::from_components(&components), lines);
+        assert_eq!(LayersAt::from_components(&components), lines);
         assert_eq!(Coefficients::from_components(&components).ma, &[0.1]);
     }
 }

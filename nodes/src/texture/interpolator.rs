@@ -2,10 +2,9 @@
 
 use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::lines::mixed_powers;
-use haptograph_surfaces::{Coefficients, Interpolator, SpatialLine};
+use haptograph_surfaces::{Coefficients, Interpolator, TextureModel};
 
-use super::frames::{self, LinesAt, Weights};
+use super::frames::{self, LayersAt, Weights};
 use super::load_texture;
 use super::locator::SurfaceSettings;
 
@@ -25,8 +24,8 @@ impl NodeKind for LsfInterpolator {
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
         let texture = load_texture(&settings.surface)?;
         Ok(Built::new(Mixing {
-            texture: Interpolator::new(&texture),
-            lines: texture.lines().to_vec(),
+            interpolator: Interpolator::new(&texture),
+            texture,
             mix: Coefficients::SILENCE,
         }))
     }
@@ -34,8 +33,8 @@ impl NodeKind for LsfInterpolator {
 
 #[derive(Debug, Clone)]
 struct Mixing {
-    texture: Interpolator,
-    lines: Vec<SpatialLine>,
+    interpolator: Interpolator,
+    texture: TextureModel,
     mix: Coefficients,
 }
 
@@ -52,12 +51,8 @@ impl Processor<LsfInterpolator> for Mixing {
                 warping: self.mix.warping,
             }
             .write(components);
-            if !self.lines.is_empty() {
-                let lines = LinesAt {
-                    speed_m_s: at.speed_m_s,
-                    powers_m2_s4: mixed_powers(&self.lines, at.models, at.weights),
-                };
-                lines.write(components);
+            if let Some(layers) = self.texture.interpolate_layers(at.models, at.weights) {
+                LayersAt { speed_m_s: at.speed_m_s, components: layers }.write(components);
             }
         }
     }
@@ -65,7 +60,7 @@ impl Processor<LsfInterpolator> for Mixing {
 
 impl Mixing {
     fn interpolate(&mut self, at: &Weights) {
-        self.texture.interpolate_at(at.models, at.weights, &mut self.mix);
+        self.interpolator.interpolate_at(at.models, at.weights, &mut self.mix);
         // All models at rest are silent: without this, rounding could leave the weight of one that is not.
         if at.speed_m_s == 0.0 || at.force_n == 0.0 {
             self.mix.variance = 0.0;

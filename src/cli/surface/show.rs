@@ -4,6 +4,7 @@ use super::{Failure, load};
 use crate::cli::table::{facts, significant, table};
 use crate::cli::{print, print_json};
 use crate::signal::units::decimal::format_thousandfold;
+use crate::surfaces::layers::LAYERS;
 use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -71,15 +72,8 @@ fn texture_json(texture: &TextureModel) -> Value {
             "power_m2_s4": at.model.power(),
         })
     });
-    json!({
+    let mut all = json!({
         "warping": texture.warping(), "highpass_hz": texture.highpass_hz(),
-        "crackle": texture.crackle().map(|crackle| json!({
-            "depth": crackle.depth(), "time_constant_ms": 1000.0 * crackle.time_constant_s(),
-        })),
-        "lines": texture.lines().iter().map(|line| json!({
-            "cycles_per_mm": line.cycles_per_m() / 1000.0, "diffusion_rad2_per_mm": line.diffusion_rad2_per_m() / 1000.0,
-            "powers_m2_s4": line.powers_m2_s4(),
-        })).collect::<Vec<_>>(),
         "rate_hz": texture.rate_hz(),
         "ar_order": texture.ar_order(),
         "ma_order": texture.ma_order(),
@@ -87,7 +81,12 @@ fn texture_json(texture: &TextureModel) -> Value {
         "max_force_n": texture.max_force_n(),
         "models": models.collect::<Vec<_>>(),
         "triangles": texture.triangles(),
-    })
+    });
+    for kind in LAYERS {
+        let own = texture.layers().find(|layer| layer.kind().name == kind.name);
+        all[kind.name] = own.map_or_else(kind.absent, |layer| layer.json());
+    }
+    all
 }
 
 fn describe(surface: &Surface) -> String {
@@ -155,20 +154,9 @@ fn describe_texture(texture: &TextureModel) -> String {
         0.0 => order,
         warping => format!("warped {order} (factor {})", significant(warping, 3)),
     };
-    let crackle = texture.crackle().map_or_else(String::new, |crackle| {
-        format!(
-            "; crackle of depth {} and {} ms",
-            significant(crackle.depth(), 2),
-            significant(1000.0 * crackle.time_constant_s(), 2)
-        )
-    });
-    let lines = texture.lines().iter().map(|line| significant(line.cycles_per_m() / 1000.0, 3));
-    let lines = match lines.collect::<Vec<_>>().join(" and ") {
-        none if none.is_empty() => none,
-        some => format!("; lines of {some} cycles/mm"),
-    };
+    let layers: String = texture.layers().map(|layer| format!("; {}", layer.summary())).collect();
     format!(
-        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{crackle}{lines}",
+        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{layers}",
         texture.models().len(),
         texture.rate_hz(),
         texture.triangles().len(),

@@ -8,7 +8,7 @@ mod latest;
 mod malformed;
 pub mod native;
 
-use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError};
+use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError, TextureModel};
 use haptograph_signal::files::{self, write_atomically};
 use std::path::{Path, PathBuf};
 
@@ -77,21 +77,11 @@ pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveErr
         "ron" => (native::write(surface), Vec::new()),
         "xml" if surface.texture.is_some() => {
             let text = hatt::write_models(surface).map_err(hatt)?;
+            let layers =
+                surface.texture.iter().flat_map(TextureModel::layers).map(|layer| (layer.kind().title, true));
             let fit = surface.friction.and_then(|friction| friction.r_squared());
-            let crackles = surface.texture.as_ref().is_some_and(|texture| texture.crackle().is_some());
-            let has_lines = surface.texture.as_ref().is_some_and(|texture| !texture.lines().is_empty());
-            (
-                text,
-                present(
-                    [
-                        ("taps", surface.taps.is_some()),
-                        ("crackle", crackles),
-                        ("lines fixed in space", has_lines),
-                        ("R² of friction", fit.is_some()),
-                    ],
-                    surface,
-                ),
-            )
+            let fit = [("R² of friction", fit.is_some())];
+            (text, present([("taps", surface.taps.is_some())].into_iter().chain(layers).chain(fit), surface))
         }
         "xml" => {
             let text = hatt::write_taps(surface).map_err(hatt)?;
@@ -121,7 +111,7 @@ fn has_tap_forces(surface: &Surface) -> bool {
 }
 
 /// The parts of a surface among these and among those that no toolkit file can store.
-fn present<const N: usize>(parts: [(&'static str, bool); N], surface: &Surface) -> Vec<&'static str> {
+fn present(parts: impl IntoIterator<Item = (&'static str, bool)>, surface: &Surface) -> Vec<&'static str> {
     let parts = parts.into_iter().chain([("stiffness", surface.stiffness.is_some())]);
     parts.filter(|(_, present)| *present).map(|(part, _)| part).collect()
 }

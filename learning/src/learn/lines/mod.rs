@@ -18,7 +18,7 @@ pub(super) use tracking::FoundLine;
 
 use super::whitening::Whitened;
 use crate::recording::ProcessedRecording;
-use haptograph_surfaces::lines::MAX_LINES;
+use haptograph_surfaces::layers::lines::MAX_LINES;
 use haptograph_surfaces::{SpatialLine, TextureError, TextureModel};
 use std::ops::Range;
 

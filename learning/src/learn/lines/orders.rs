@@ -6,7 +6,7 @@ use crate::recording::ProcessedRecording;
 use haptograph_signal::Complex64;
 use haptograph_signal::fft;
 use haptograph_surfaces::bounds::FELT_HZ;
-use haptograph_surfaces::lines::{HIGHEST_OF_RATE, LOWEST_HZ, MAX_LINES};
+use haptograph_surfaces::layers::lines::{HIGHEST_OF_RATE, LOWEST_HZ, MAX_LINES};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;

@@ -6,7 +6,7 @@ use crate::recording::tests::synthetic::{drag, provenance};
 use crate::recording::{Gesture, Signals};
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window as Taper;
-use haptograph_surfaces::lines::SpatialLine;
+use haptograph_surfaces::layers::lines::SpatialLine;
 use haptograph_surfaces::rendering::{SynthesisSettings, synthesise};
 use std::f64::consts::TAU;
 

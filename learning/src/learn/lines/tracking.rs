@@ -9,7 +9,7 @@ use haptograph_signal::Complex64;
 use haptograph_signal::warped::squared_response;
 use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::interpolation::{Coefficients, Interpolator};
-use haptograph_surfaces::lines::{HIGHEST_OF_RATE, LOWEST_HZ};
+use haptograph_surfaces::layers::lines::{HIGHEST_OF_RATE, LOWEST_HZ};
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 

@@ -1,25 +1,28 @@
 //! The structure of the file, field by field. Other types of the crate do not use serde.
 
 use crate::files::{MAX_MODELS, MAX_TAP_SAMPLES, MAX_TAPS};
-use crate::lines::MAX_LINES;
+use crate::layers::{LAYERS, LayerKind, LayerSet};
 use crate::{MAX_ORDER, Origin};
 use haptograph_signal::units::decimal;
+use ron::value::RawValue;
 use serde::Deserialize;
-use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use serde::de::value::{BorrowedStrDeserializer, MapAccessDeserializer};
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
 #[derive(Deserialize)]
-#[serde(rename = "Surface", deny_unknown_fields)]
-pub(super) struct SurfaceDocument {
+#[serde(rename = "Surface", deny_unknown_fields, bound(deserialize = "S: LayerSet"))]
+pub(super) struct SurfaceDocument<'a, S> {
     pub format: u64,
     pub name: String,
     pub provenance: ProvenanceDocument,
     pub friction: Option<FrictionDocument>,
     pub stiffness: Option<StiffnessDocument>,
     pub taps: Option<TapsDocument>,
-    pub texture: Option<TextureDocument>,
+    #[serde(borrow)]
+    pub texture: Option<LayeredTexture<'a, S>>,
 }
 
 #[derive(Deserialize)]
@@ -81,32 +84,92 @@ pub(super) struct TapDocument {
     pub peak_force_n: Option<f64>,
 }
 
+/// The fields of a texture, those of the layers among them, as messages list them.
+const TEXTURE_FIELDS: &[&str] = &{
+    let mut fields = [""; 6 + LAYERS.len()];
+    let (head, tail) = (["rate_hz", "warping", "highpass_hz"], ["filters", "vertices", "triangles"]);
+    let mut at = 0;
+    while at < 3 {
+        (fields[at], fields[3 + LAYERS.len() + at]) = (head[at], tail[at]);
+        at += 1;
+    }
+    at = 0;
+    while at < LAYERS.len() {
+        fields[3 + at] = LAYERS[at].name;
+        at += 1;
+    }
+    fields
+};
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TextureDocument {
     pub rate_hz: f64,
     pub warping: Option<f64>,
     pub highpass_hz: Option<f64>,
-    pub crackle: Option<CrackleDocument>,
-    pub lines: Option<Bounded<LineDocument, MAX_LINES>>,
     pub filters: Bounded<FilterDocument, MAX_MODELS>,
     pub vertices: Bounded<VertexDocument, MAX_MODELS>,
     pub triangles: Option<Bounded<[u32; 3], { 2 * MAX_MODELS }>>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CrackleDocument {
-    pub depth: f64,
-    pub time_constant_ms: Thousandths,
+/// A texture with the values of its layers as they stand in the text.
+pub(super) struct LayeredTexture<'a, S> {
+    pub texture: TextureDocument,
+    pub layers: Vec<(&'static LayerKind, &'a RawValue)>,
+    set: PhantomData<S>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct LineDocument {
-    pub cycles_per_mm: PerMm,
-    pub diffusion_rad2_per_mm: PerMm,
-    pub powers_m2_s4: Bounded<f64, MAX_MODELS>,
+impl<'de: 'a, 'a, S: LayerSet> Deserialize<'de> for LayeredTexture<'a, S> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_struct("TextureDocument", TEXTURE_FIELDS, TextureVisitor(PhantomData))
+    }
+}
+
+struct TextureVisitor<'a, S>(PhantomData<(&'a (), S)>);
+
+impl<'de: 'a, 'a, S: LayerSet> Visitor<'de> for TextureVisitor<'a, S> {
+    type Value = LayeredTexture<'a, S>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("struct TextureDocument")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, fields: A) -> Result<Self::Value, A::Error> {
+        let mut fields = WithoutLayers { fields, kinds: S::KINDS, layers: Vec::new() };
+        let texture = TextureDocument::deserialize(MapAccessDeserializer::new(&mut fields))?;
+        Ok(LayeredTexture { texture, layers: fields.layers, set: PhantomData })
+    }
+}
+
+/// The fields of a texture but for those of its layers, whose values it collects.
+struct WithoutLayers<'de, A> {
+    fields: A,
+    kinds: &'static [LayerKind],
+    layers: Vec<(&'static LayerKind, &'de RawValue)>,
+}
+
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for &mut WithoutLayers<'de, A> {
+    type Error = A::Error;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, A::Error> {
+        while let Some(name) = self.fields.next_key::<&'de str>()? {
+            let Some(kind) = self.kinds.iter().find(|kind| kind.name == name) else {
+                if !TEXTURE_FIELDS.contains(&name) {
+                    return Err(A::Error::unknown_field(name, TEXTURE_FIELDS));
+                }
+                return seed.deserialize(BorrowedStrDeserializer::new(name)).map(Some);
+            };
+            if self.layers.iter().any(|(known, _)| known.name == name) {
+                return Err(A::Error::duplicate_field(kind.name));
+            }
+            self.layers.push((kind, self.fields.next_value()?));
+        }
+        Ok(None)
+    }
+
+    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, A::Error> {
+        self.fields.next_value_seed(seed)
+    }
 }
 
 #[derive(Deserialize)]
@@ -141,7 +204,7 @@ pub(super) enum KindDocument {
 }
 
 /// A list of limited length, so that a hostile file cannot exhaust memory.
-pub(super) struct Bounded<T, const MAX: usize>(pub Vec<T>);
+pub struct Bounded<T, const MAX: usize>(pub Vec<T>);
 
 impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T, MAX> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -199,18 +262,19 @@ impl<'de> Deserialize<'de> for Settings {
 }
 
 /// A number that the file has in 10^`PLACES` of the SI unit, converted exactly to SI.
-pub(super) struct Scaled<const PLACES: i32> {
+pub struct Scaled<const PLACES: i32> {
+    /// The number in SI.
     pub si: f64,
 }
 
 /// A number in mm/s or ms.
-pub(super) type Thousandths = Scaled<-3>;
+pub type Thousandths = Scaled<-3>;
 /// A number per millimetre.
-pub(super) type PerMm = Scaled<3>;
+pub type PerMm = Scaled<3>;
 
 impl<'de, const PLACES: i32> Deserialize<'de> for Scaled<PLACES> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let raw = <&'de ron::value::RawValue>::deserialize(deserializer)?;
+        let raw = <&'de RawValue>::deserialize(deserializer)?;
         // A number that is not a plain decimal (with a comment or grouped digits) can lose the last bit.
         let grouped = || {
             let scale = 10_f64.powi(PLACES.abs());
@@ -234,9 +298,9 @@ pub(super) struct Places<'a> {
 #[derive(Deserialize)]
 pub(super) struct TexturePlaces<'a> {
     #[serde(borrow)]
-    pub filters: Vec<&'a ron::value::RawValue>,
+    pub filters: Vec<&'a RawValue>,
     #[serde(borrow)]
-    pub vertices: Vec<&'a ron::value::RawValue>,
+    pub vertices: Vec<&'a RawValue>,
 }
 
 /// The version only, for files of another version.

@@ -50,8 +50,11 @@ mod document;
 mod read;
 mod write;
 
-pub use read::read;
+pub(crate) use document::{Bounded, PerMm, Thousandths};
+pub(crate) use read::options;
+pub use read::{read, read_with};
 pub use write::write;
+pub(crate) use write::write_numbers;
 
 /// The version of the format, in each file's `format` field.
 pub const FORMAT: u64 = 1;

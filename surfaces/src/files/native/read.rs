@@ -5,26 +5,40 @@ use super::document::{
     FilterDocument, Head, KindDocument, Places, SurfaceDocument, TapsDocument, TextureDocument,
 };
 use crate::files::{Malformed, Place, Problem, ReadError};
+use crate::layers::{BuiltIn, LayerKind, LayerSet, ParsedLayer};
 use crate::lsf;
 use crate::model::{ArmaModel, ModelError, StoredModel};
 use crate::{
-    Crackle, Friction, ModelAt, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps, TextureModel,
-    VertexKind, texture::TextureError,
+    Friction, ModelAt, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
+    texture::TextureError,
 };
+use ron::error::SpannedError;
 use ron::extensions::Extensions;
+use ron::value::RawValue;
 
 /// Reads a surface from the text of a `.ron` file.
 pub fn read(text: &str) -> Result<Surface, ReadError> {
-    let document = parse(text)?;
-    surface(document).map_err(|problem| ReadError { place: place_of(&problem, text), problem })
+    read_with::<BuiltIn>(text)
 }
 
-fn options() -> ron::Options {
+/// Like [`read`], with the layers of a program's own set.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn read_with<S: LayerSet>(text: &str) -> Result<Surface, ReadError> {
+    let mut document = parse::<S>(text)?;
+    let raw = document.texture.as_mut().map(|texture| std::mem::take(&mut texture.layers));
+    let layers = raw.unwrap_or_default().into_iter().map(|(kind, raw)| parse_layer(kind, raw, text));
+    let layers = layers.collect::<Result<Vec<_>, _>>()?;
+    surface(document, layers).map_err(|problem| ReadError { place: place_of(&problem, text), problem })
+}
+
+pub(crate) fn options() -> ron::Options {
     ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME).with_recursion_limit(32)
 }
 
-fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
-    let document = options().from_str::<SurfaceDocument>(text);
+fn parse<S: LayerSet>(text: &str) -> Result<SurfaceDocument<'_, S>, ReadError> {
+    let document = options().from_str::<SurfaceDocument<'_, S>>(text);
     let version = match &document {
         Ok(document) => Some(document.format),
         // A file of another version may have unknown fields; the message about the version is the more useful one.
@@ -33,13 +47,28 @@ fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
     if let Some(found) = version.filter(|&found| found != FORMAT) {
         return Err(ReadError { place: None, problem: Problem::Version { found } });
     }
-    document.map_err(|error| {
-        let (place, reason) = Malformed::of(text, "Surface", error);
-        ReadError { place: Some(place), problem: reason.into() }
+    document.map_err(|error| malformed(text, error))
+}
+
+fn malformed(text: &str, error: SpannedError) -> ReadError {
+    let (place, reason) = Malformed::of(text, "Surface", error);
+    ReadError { place: Some(place), problem: reason.into() }
+}
+
+/// Parses a layer's value, which is a part of `text`.
+fn parse_layer(kind: &LayerKind, raw: &RawValue, text: &str) -> Result<ParsedLayer, ReadError> {
+    (kind.parse)(raw.get_ron()).map_err(|mut error| {
+        let before = offset_of(raw, text).and_then(|offset| text.get(..offset)).unwrap_or_default();
+        let (start, place) = (&mut error.span.start, Place::after(before));
+        if start.line == 1 {
+            start.col += place.column - 1;
+        }
+        start.line += place.line - 1;
+        malformed(text, error)
     })
 }
 
-fn surface(document: SurfaceDocument) -> Result<Surface, Problem> {
+fn surface<S>(document: SurfaceDocument<'_, S>, layers: Vec<ParsedLayer>) -> Result<Surface, Problem> {
     let provenance = Provenance {
         origin: document.provenance.origin.into(),
         source: document.provenance.source,
@@ -54,7 +83,7 @@ fn surface(document: SurfaceDocument) -> Result<Surface, Problem> {
         .map(|stiffness| Stiffness::new(stiffness.n_per_mm, stiffness.r_squared))
         .transpose()?;
     surface.taps = document.taps.map(taps).transpose()?;
-    surface.texture = document.texture.map(texture).transpose()?;
+    surface.texture = document.texture.map(|layered| texture(layered.texture, layers)).transpose()?;
     Ok(surface)
 }
 
@@ -70,7 +99,7 @@ fn taps(document: TapsDocument) -> Result<Taps, Problem> {
     Ok(Taps::new(document.rate_hz, taps)?)
 }
 
-fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
+fn texture(document: TextureDocument, layers: Vec<ParsedLayer>) -> Result<TextureModel, Problem> {
     let filters = document
         .filters
         .0
@@ -99,18 +128,13 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
         Some(triangles) => TextureModel::new(document.rate_hz, models, triangles.0)?,
         None => TextureModel::triangulated(document.rate_hz, models)?,
     };
-    let crackle = document
-        .crackle
-        .map(|crackle| Crackle::new(crackle.depth, crackle.time_constant_ms.si))
-        .transpose()?;
-    let lines = document.lines.map_or(vec![], |lines| lines.0).into_iter();
-    let lines = lines.map(|line| {
-        SpatialLine::new(line.cycles_per_mm.si, line.diffusion_rad2_per_mm.si, line.powers_m2_s4.0)
-    });
-    Ok(texture
-        .with_highpass_hz(document.highpass_hz)?
-        .with_crackle(crackle)
-        .with_lines(lines.collect::<Result<_, _>>()?)?)
+    let mut texture = texture.with_highpass_hz(document.highpass_hz)?;
+    for layer in layers {
+        if let Some(layer) = layer().map_err(TextureError::from)? {
+            texture = texture.with_layer(layer)?;
+        }
+    }
+    Ok(texture)
 }
 
 /// A filter; computes coefficients from LSFs, or LSFs from coefficients, if the file has only one of them.
@@ -182,9 +206,11 @@ fn place_of(problem: &Problem, text: &str) -> Option<Place> {
         At::Filter(filter) => texture.filters.get(filter)?,
         At::Vertex(vertex) => texture.vertices.get(vertex)?,
     };
-    let raw = raw.get_ron();
-    // The raw value is a slice of the text, whitespace before it included.
-    let blank = raw.len() - raw.trim_start().len();
-    let offset = (raw.as_ptr() as usize).checked_sub(text.as_ptr() as usize)? + blank;
-    text.get(..offset).map(Place::after)
+    let blank = raw.get_ron().len() - raw.get_ron().trim_start().len();
+    text.get(..offset_of(raw, text)? + blank).map(Place::after)
+}
+
+/// Where a raw value begins in its text, the whitespace before it included.
+fn offset_of(raw: &RawValue, text: &str) -> Option<usize> {
+    (raw.get_ron().as_ptr() as usize).checked_sub(text.as_ptr() as usize)
 }

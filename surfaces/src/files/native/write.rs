@@ -2,7 +2,7 @@
 
 use super::FORMAT;
 use crate::{Surface, Taps, TextureModel, VertexKind};
-use haptograph_signal::units::decimal::{format_shifted, format_thousandfold};
+use haptograph_signal::units::decimal::format_thousandfold;
 use std::fmt::Write;
 
 /// Writes the text of a `.ron` file. Reading it gives a bitwise equal surface.
@@ -76,15 +76,9 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     if let Some(highpass_hz) = texture.highpass_hz() {
         writeln!(out, "        highpass_hz: {highpass_hz:?},")?;
     }
-    if let Some(crackle) = texture.crackle() {
-        writeln!(
-            out,
-            "        crackle: (depth: {:?}, time_constant_ms: {}),",
-            crackle.depth(),
-            format_thousandfold(crackle.time_constant_s())
-        )?;
+    for layer in &texture.layers {
+        layer.write(out)?;
     }
-    write_lines(out, texture)?;
     writeln!(out, "        filters: [")?;
     for filter in filters {
         writeln!(out, "            (")?;
@@ -128,25 +122,8 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     writeln!(out, "        ],\n    ),")
 }
 
-fn write_lines(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
-    if texture.lines().is_empty() {
-        return Ok(());
-    }
-    writeln!(out, "        lines: [")?;
-    for line in texture.lines() {
-        let per_mm = |per_m: f64| format_shifted(per_m, -3);
-        writeln!(out, "            (")?;
-        writeln!(out, "                cycles_per_mm: {},", per_mm(line.cycles_per_m()))?;
-        let diffusion = per_mm(line.diffusion_rad2_per_m());
-        writeln!(out, "                diffusion_rad2_per_mm: {diffusion},")?;
-        write_numbers(out, "                powers_m2_s4: ", line.powers_m2_s4())?;
-        writeln!(out, "            ),")?;
-    }
-    writeln!(out, "        ],")
-}
-
 /// A list of numbers, wrapped.
-fn write_numbers(out: &mut String, head: &str, numbers: &[f64]) -> std::fmt::Result {
+pub(crate) fn write_numbers(out: &mut String, head: &str, numbers: &[f64]) -> std::fmt::Result {
     const WIDTH: usize = 110;
     let indent = head.len() - head.trim_start().len() + 4;
     out.push_str(head);

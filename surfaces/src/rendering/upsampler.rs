@@ -24,7 +24,7 @@ const LANES: usize = 8;
 
 /// Interpolates a signal to a higher rate, one output at a time. Allocates only when made.
 #[derive(Debug, Clone)]
-pub(super) struct Upsampler {
+pub struct Upsampler {
     /// [`WIDTH`] taps for each position between two inputs, that of the newest input first.
     taps: Box<[f64]>,
     /// Positions from one input to the next.

@@ -1,10 +1,15 @@
 //! Synthesis of many textures at once in SIMD lanes. The bits of a voice do not depend on the others.
 
 mod group;
+mod lanes;
 
-use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, check, check_points};
+pub use lanes::Block;
+pub(crate) use lanes::{LANES, Row};
+
+use super::{SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, check, check_points};
 use crate::TextureModel;
-use group::{Group, LANES};
+use crate::layers::{Layer, Stage};
+use group::Group;
 use haptograph_signal::parallel;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -47,22 +52,24 @@ pub struct VoiceError {
 }
 
 /// Common properties of voices that share lanes, so that no lane does operations for the sake of another.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Shape {
     /// Sampling rate, update rate and warping factor, as bits.
     numbers: [u64; 3],
     orders: [usize; 2],
-    crackles: bool,
+    /// Names of the layers of the excitation.
+    layers: Vec<&'static str>,
     has_highpass: bool,
 }
 
 impl Shape {
     fn of(voice: &VoiceInto<'_>) -> Self {
         let VoiceInto { texture, points, .. } = voice;
+        let layers = texture.layers().map(Layer::kind).filter(|kind| kind.stage == Stage::Excitation);
         Self {
             numbers: [texture.rate_hz(), points.update_hz, texture.warping()].map(f64::to_bits),
             orders: [texture.ar_order(), texture.ma_order()],
-            crackles: texture.crackle().is_some(),
+            layers: layers.map(|kind| kind.name).collect(),
             has_highpass: texture.highpass_hz().is_some(),
         }
     }

@@ -3,9 +3,18 @@
 //! A line of K cycles per metre has a frequency of K times the speed. Its phase is 2 pi K times the travelled distance, plus
 //! a random walk for irregular distances. Its amplitude is interpolated over the map, as that of warped models is.
 
-use crate::TextureError;
+use super::{Layer, LayerError, LayerKind, LayerVoice, RenderRates, Stage, parse};
+use crate::files::MAX_MODELS;
+use crate::files::native::{Bounded, PerMm, write_numbers};
+use crate::triangulation::Triangle;
+use crate::{ModelAt, TextureError, TextureModel};
 use haptograph_signal::noise::Gaussian;
+use haptograph_signal::units::decimal::{format_shifted, significant};
+use serde::Deserialize;
+use serde_json::{Value, json};
 use std::f64::consts::TAU;
+use std::fmt::Write;
+use std::sync::Arc;
 
 /// Maximum number of lines of a texture.
 pub const MAX_LINES: usize = 3;
@@ -29,19 +38,19 @@ impl SpatialLine {
     /// its power at each model of the texture, (m/s²)², in their order.
     ///
     /// # Errors
-    /// [`TextureError::Line`] for numbers that are not finite or out of range.
+    /// [`LineError::Line`] for numbers that are not finite or out of range.
     pub fn new(
         cycles_per_m: f64,
         diffusion_rad2_per_m: f64,
         powers_m2_s4: Vec<f64>,
-    ) -> Result<Self, TextureError> {
+    ) -> Result<Self, LayerError> {
         let sound = |x: f64| x.is_finite() && x >= 0.0;
         let all = sound(cycles_per_m)
             && cycles_per_m > 0.0
             && sound(diffusion_rad2_per_m)
             && powers_m2_s4.iter().all(|power| sound(*power));
         if !all {
-            return Err(TextureError::Line { cycles_per_m });
+            return Err(LayerError::new(LineError::Line { cycles_per_m }));
         }
         Ok(Self { cycles_per_m, diffusion_rad2_per_m, powers_m2_s4 })
     }
@@ -62,17 +71,166 @@ impl SpatialLine {
     }
 }
 
-/// Powers of `lines` at a mix of three models by number, (m/s²)²: the squares of the mixed amplitudes; 0 for numbers of no model and from the lines' number on.
-pub fn mixed_powers(lines: &[SpatialLine], models: [u32; 3], weights: [f64; 3]) -> [f64; MAX_LINES] {
-    let mut powers = [0.0; MAX_LINES];
-    for (power, line) in powers.iter_mut().zip(lines) {
-        let amplitude = models.iter().zip(weights).fold(0.0, |sum, (model, weight)| {
-            let at_model = line.powers_m2_s4.get(*model as usize);
-            sum + weight * at_model.map_or(0.0, |power| power.sqrt())
-        });
-        *power = amplitude * amplitude;
+/// The lines of a texture: from 1 to [`MAX_LINES`].
+#[derive(Debug)]
+struct Lines(Vec<SpatialLine>);
+
+impl Lines {
+    /// These lines; `None` if there are none.
+    fn new(lines: Vec<SpatialLine>) -> Result<Option<Self>, LayerError> {
+        match lines.len() {
+            0 => Ok(None),
+            count if count > MAX_LINES => Err(LayerError::new(LineError::Lines { count })),
+            _ => Ok(Some(Self(lines))),
+        }
     }
-    powers
+
+    fn of_document(document: Bounded<LineDocument, MAX_LINES>) -> Result<Option<Self>, LayerError> {
+        let lines = document.0.into_iter().map(|line| {
+            SpatialLine::new(line.cycles_per_mm.si, line.diffusion_rad2_per_mm.si, line.powers_m2_s4.0)
+        });
+        Self::new(lines.collect::<Result<_, _>>()?)
+    }
+}
+
+/// An error in the numbers of lines.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LineError {
+    /// A line out of range.
+    #[error(
+        "the line at {cycles_per_m} cycles per metre: its frequency must be finite and above 0, its diffusion and powers finite and at least 0"
+    )]
+    Line {
+        /// The cycles given.
+        cycles_per_m: f64,
+    },
+    /// Too many lines.
+    #[error("the texture has {count} lines; it may have {MAX_LINES} at most")]
+    Lines {
+        /// Number of lines given.
+        count: usize,
+    },
+    /// A line whose number of powers differs from the number of models.
+    #[error(
+        "line {line} (from 0) has {powers} powers, but the map has {models} models; a line needs one power for each model"
+    )]
+    Powers {
+        /// The line's number, from 0.
+        line: usize,
+        /// Number of its powers.
+        powers: usize,
+        /// Number of models.
+        models: usize,
+    },
+    /// A line with power at zero speed or force.
+    #[error(
+        "line {line} (from 0) has power at model {vertex}, which stands at zero speed or force; it must be 0 there"
+    )]
+    AtRest {
+        /// The line's number, from 0.
+        line: usize,
+        /// The model's number, from 0.
+        vertex: usize,
+    },
+}
+
+/// A line in a file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LineDocument {
+    cycles_per_mm: PerMm,
+    diffusion_rad2_per_mm: PerMm,
+    powers_m2_s4: Bounded<f64, MAX_MODELS>,
+}
+
+/// The layer's type.
+pub const KIND: LayerKind = LayerKind {
+    name: "lines",
+    title: "lines fixed in space",
+    stage: Stage::Output,
+    components: &["line_1", "line_2", "line_3"],
+    parse: |text| parse(text, Lines::of_document),
+    absent: || json!([]),
+};
+
+impl Layer for Lines {
+    fn kind(&self) -> &'static LayerKind {
+        &KIND
+    }
+
+    fn write(&self, out: &mut String) -> std::fmt::Result {
+        let per_mm = |per_m: f64| format_shifted(per_m, -3);
+        writeln!(out, "        lines: [")?;
+        for line in &self.0 {
+            writeln!(out, "            (")?;
+            writeln!(out, "                cycles_per_mm: {},", per_mm(line.cycles_per_m))?;
+            writeln!(out, "                diffusion_rad2_per_mm: {},", per_mm(line.diffusion_rad2_per_m))?;
+            write_numbers(out, "                powers_m2_s4: ", &line.powers_m2_s4)?;
+            writeln!(out, "            ),")?;
+        }
+        writeln!(out, "        ],")
+    }
+
+    fn check(&self, models: &[ModelAt]) -> Result<(), LayerError> {
+        for (line, SpatialLine { powers_m2_s4, .. }) in self.0.iter().enumerate() {
+            let (powers, count) = (powers_m2_s4.len(), models.len());
+            if powers != count {
+                return Err(LayerError::new(LineError::Powers { line, powers, models: count }));
+            }
+            let loud =
+                |(at, power): (&ModelAt, &f64)| (at.speed_m_s == 0.0 || at.force_n == 0.0) && *power != 0.0;
+            if let Some(vertex) = models.iter().zip(powers_m2_s4).position(loud) {
+                return Err(LayerError::new(LineError::AtRest { line, vertex }));
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the power of each line, (m/s²)²: the square of the mixed amplitude.
+    fn interpolate(&self, models: Triangle, weights: [f64; 3], into: &mut [f64]) {
+        for (power, line) in into.iter_mut().zip(&self.0) {
+            let amplitude = models.iter().zip(weights).fold(0.0, |sum, (model, weight)| {
+                let at_model = line.powers_m2_s4.get(*model as usize);
+                sum + weight * at_model.map_or(0.0, |power| power.sqrt())
+            });
+            *power = amplitude * amplitude;
+        }
+    }
+
+    fn voice(&self, rates: RenderRates, seed: u64) -> Box<dyn LayerVoice> {
+        Box::new(LineSource::new(&self.0, rates.rate_hz, rates.models_hz, seed))
+    }
+
+    fn json(&self) -> Value {
+        let lines = self.0.iter().map(|line| json!({
+            "cycles_per_mm": line.cycles_per_m / 1000.0, "diffusion_rad2_per_mm": line.diffusion_rad2_per_m / 1000.0,
+            "powers_m2_s4": line.powers_m2_s4,
+        }));
+        lines.collect()
+    }
+
+    fn summary(&self) -> String {
+        let lines = self.0.iter().map(|line| significant(line.cycles_per_m / 1000.0, 3));
+        format!("lines of {} cycles/mm", lines.collect::<Vec<_>>().join(" and "))
+    }
+}
+
+impl TextureModel {
+    /// Lines fixed in space; their powers are in the order of the models.
+    pub fn lines(&self) -> &[SpatialLine] {
+        self.layer().map_or(&[], |lines: &Lines| &lines.0)
+    }
+
+    /// The same texture with lines fixed in space in addition to its noise.
+    ///
+    /// # Errors
+    /// [`LineError`] for more than [`MAX_LINES`], or one without a power for each model or with one at zero speed or force.
+    pub fn with_lines(self, lines: Vec<SpatialLine>) -> Result<Self, TextureError> {
+        match Lines::new(lines)? {
+            Some(lines) => self.with_layer(Arc::new(lines)),
+            None => Ok(self.without_layer(KIND.name)),
+        }
+    }
 }
 
 /// The gain of a line's power at a frequency; 0 outside the band that hand and filter can follow.
@@ -139,8 +297,19 @@ impl LineSource {
         }
     }
 
-    /// Moves to a speed, and to the lines' powers there ([`mixed_powers`]).
-    pub fn set(&mut self, speed_m_s: f64, powers_m2_s4: [f64; MAX_LINES]) {
+    /// The random walk's next step.
+    fn wander(&mut self) {
+        self.until_step = STEP;
+        let way_m = self.speed_m_s / self.rate_hz * f64::from(STEP);
+        for line in &mut self.lines {
+            let step_rad = (line.diffusion_rad2_per_m * way_m).sqrt() * self.noise.next_sample();
+            line.wander = step_rad / (TAU * f64::from(STEP));
+        }
+    }
+}
+
+impl LayerVoice for LineSource {
+    fn set(&mut self, speed_m_s: f64, powers_m2_s4: &[f64]) {
         self.speed_m_s = if speed_m_s.is_finite() { speed_m_s.max(0.0) } else { 0.0 };
         for (line, power) in self.lines.iter_mut().zip(powers_m2_s4) {
             let frequency_hz = line.cycles_per_m * self.speed_m_s;
@@ -151,7 +320,7 @@ impl LineSource {
     }
 
     /// Adds the next samples of the lines to `out`.
-    pub fn add_to(&mut self, out: &mut [f64]) {
+    fn process(&mut self, out: &mut [f64]) {
         for y in out {
             if self.until_step == 0 {
                 self.wander();
@@ -163,24 +332,19 @@ impl LineSource {
         }
     }
 
-    /// The random walk's next step.
-    fn wander(&mut self) {
-        self.until_step = STEP;
-        let way_m = self.speed_m_s / self.rate_hz * f64::from(STEP);
-        for line in &mut self.lines {
-            let step_rad = (line.diffusion_rad2_per_m * way_m).sqrt() * self.noise.next_sample();
-            line.wander = step_rad / (TAU * f64::from(STEP));
-        }
-    }
-
-    /// Continues the phases, amplitudes and random walk of `other`, line by line. Does not allocate.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    /// Continues phases, amplitudes and random walk, line by line.
+    fn copy_state_from(&mut self, other: &dyn LayerVoice) {
+        let Some(other) = other.downcast_ref::<Self>() else { return };
         self.noise.clone_from(&other.noise);
         (self.speed_m_s, self.until_step) = (other.speed_m_s, other.until_step);
         for (new, old) in self.lines.iter_mut().zip(&other.lines) {
             (new.phase, new.turn, new.wander) = (old.phase, old.turn, old.wander);
             (new.amplitude_m_s2, new.wanted_m_s2) = (old.amplitude_m_s2, old.wanted_m_s2);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn LayerVoice> {
+        Box::new(self.clone())
     }
 }
 
@@ -212,12 +376,18 @@ mod tests {
 
     const LOUD: [f64; 3] = [0.0, 0.5, 0.5];
 
+    fn mixed_powers(line: SpatialLine, models: Triangle, weights: [f64; 3]) -> [f64; MAX_LINES] {
+        let mut powers = [0.0; MAX_LINES];
+        Lines(vec![line]).interpolate(models, weights, &mut powers);
+        powers
+    }
+
     /// Samples of a line that is silent at model 0 and has power 2 at the others.
     fn played(source: &mut LineSource, weights: [f64; 3], speed_m_s: f64, samples: usize) -> Vec<f64> {
         let line = SpatialLine::new(1.0, 0.0, vec![0.0, 2.0, 2.0]).expect("sound");
-        source.set(speed_m_s, mixed_powers(&[line], [0, 1, 2], weights));
+        source.set(speed_m_s, &mixed_powers(line, [0, 1, 2], weights));
         let mut out = vec![0.0; samples];
-        source.add_to(&mut out);
+        source.process(&mut out);
         out
     }
 
@@ -283,18 +453,19 @@ mod tests {
     fn numbers_out_of_range_are_refused_and_models_of_no_number_are_silent() {
         for (cycles, diffusion, power) in [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, f64::NAN)] {
             let refused = SpatialLine::new(cycles, diffusion, vec![power]);
-            assert!(matches!(refused, Err(TextureError::Line { .. })));
+            let error = refused.unwrap_err();
+            assert!(matches!(error.downcast_ref(), Some(LineError::Line { .. })));
         }
         let line = SpatialLine::new(1.0, 0.0, vec![1.0]).expect("sound");
-        let powers = mixed_powers(&[line], [7, 8, u32::MAX], [0.4, 0.3, 0.3]);
+        let powers = mixed_powers(line, [7, 8, u32::MAX], [0.4, 0.3, 0.3]);
         assert_eq!(powers, [0.0; MAX_LINES]);
         let line = SpatialLine::new(1.0, 0.0, vec![0.0, 4.0]).expect("sound");
-        let powers = mixed_powers(&[line], [0, 1, u32::MAX], [0.5, 0.5, 0.0]);
+        let powers = mixed_powers(line, [0, 1, u32::MAX], [0.5, 0.5, 0.0]);
         assert_eq!(powers, [1.0, 0.0, 0.0], "half the amplitude");
         let mut source = source(0.0);
-        source.set(f64::NAN, [f64::NAN; MAX_LINES]);
+        source.set(f64::NAN, &[f64::NAN; MAX_LINES]);
         let mut out = [0.0; 10];
-        source.add_to(&mut out);
+        source.process(&mut out);
         assert_eq!(out, [0.0; 10]);
     }
 }
