@@ -1,6 +1,8 @@
 //! A layer is one file: these two are read, written, interpolated, resampled, and rendered by a voice and by banks, and no other
 //! file names them.
 
+#![allow(clippy::unwrap_used)]
+
 use haptograph_surfaces::files::native;
 use haptograph_surfaces::hull::Hull;
 use haptograph_surfaces::layers::{

@@ -226,12 +226,12 @@ impl Value {
 
     /// The values directly within: of a list, of a structure, and of the entries of a map.
     pub(crate) fn inner(&self) -> impl Iterator<Item = &Self> {
-        let (values, pairs, fields): (&[Self], &[(Self, Self)], &[(Name, Self)]) = match &self.shape {
-            Shape::List(values) => (values, &[], &[]),
-            Shape::Map(pairs) => (&[], pairs, &[]),
-            Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) => (values, &[], &[]),
-            Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => (&[], &[], fields),
-            _ => (&[], &[], &[]),
+        let (values, pairs, fields) = match &self.shape {
+            Shape::List(values) => (values.as_slice(), [].as_slice(), [].as_slice()),
+            Shape::Map(pairs) => (&[][..], pairs.as_slice(), &[][..]),
+            Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) => (values.as_slice(), &[][..], &[][..]),
+            Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => (&[][..], &[][..], fields.as_slice()),
+            _ => (&[][..], &[][..], &[][..]),
         };
         let pairs = pairs.iter().map(|(_, value)| value);
         values.iter().chain(pairs).chain(fields.iter().map(|(_, value)| value))
