@@ -8,7 +8,7 @@
 //!
 //! | feature | adds |
 //! |---|---|
-//! | `command` (default) | [`cli`]: the command line and its server |
+//! | `command` | [`cli`]: the command line and its server; on by default |
 //! | `soundcard` | soundcards; on Linux this needs the headers of ALSA |
 //! | `evdev` | tablets and mice, on Linux |
 //! | `midi` | MIDI; on Linux this needs the headers of ALSA |

@@ -381,22 +381,31 @@ fn the_sample_recording_is_what_its_program_makes() {
 #[test]
 fn every_key_of_a_surface_file_is_in_the_book() {
     let page = fs::read_to_string(root().join("docs/surface-format.md")).unwrap();
-    let source = fs::read_to_string(root().join("surfaces/src/files/native/document.rs")).unwrap();
+    let layers = fs::read_dir(root().join("surfaces/src/layers")).unwrap().map(|entry| entry.unwrap().path());
+    let sources = layers.chain([root().join("surfaces/src/files/native/document.rs")]);
+    let source: String = sources.map(|path| fs::read_to_string(path).unwrap()).collect();
+    let section = |name: &str| {
+        let (_, section) =
+            page.split_once(&format!("\n## {name}\n")).unwrap_or_else(|| panic!("no `## {name}`"));
+        section.split("\n## ").next().unwrap_or_default()
+    };
     let mut seen = 0;
-    for part in source.split("pub(super) struct ").skip(1) {
-        let (name, fields) = part.split_once(" {").unwrap_or_default();
+    for part in source.split("struct ").skip(1) {
+        let (name, fields) = part.split_once(" {\n").unwrap_or_default();
+        let name = name.split('<').next().unwrap_or_default();
         let Some(name) = name.strip_suffix("Document") else {
             continue;
         };
-        let heading = format!("\n## {name}\n");
-        let (_, section) = page.split_once(&heading).unwrap_or_else(|| panic!("no `## {name}`"));
-        let section = section.split("\n## ").next().unwrap_or_default();
-        let fields = fields.split("\n}").next().unwrap_or_default();
-        let keys = fields.lines().filter_map(|line| line.trim().strip_prefix("pub "));
-        for key in keys.filter_map(|line| line.split(':').next()) {
-            assert!(section.contains(&format!("| `{key}`")), "{name} has `{key}`");
+        let fields = fields.split("\n}").next().unwrap_or_default().lines().map(str::trim);
+        let fields = fields.filter(|line| !line.starts_with(['/', '#']));
+        for key in fields.filter_map(|line| Some(line.split_once(": ")?.0.trim_start_matches("pub "))) {
+            assert!(section(name).contains(&format!("| `{key}`")), "{name} has `{key}`");
             seen += 1;
         }
+    }
+    for layer in haptograph::surfaces::layers::LAYERS {
+        assert!(section("Texture").contains(&format!("| `{}`", layer.name)), "{}", layer.name);
+        seen += 1;
     }
     assert!(seen > 35, "{seen}");
 }
