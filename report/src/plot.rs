@@ -1,4 +1,4 @@
-//! Plots: a frame with two axes and marks. A plot is data; [`Plot::to_figure`] renders it for a page.
+//! Plots: a frame with two axes and marks. A plot is data; `Plot::to_figure` renders it for a page.
 
 mod figure;
 mod marks;

@@ -60,7 +60,7 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// The empty clip of a scalar, which keeps its first [`LONGEST_S`].
+    /// The empty clip of a scalar, which keeps its first `LONGEST_S`.
     pub fn of(stream: Stream) -> Self {
         let most = (LONGEST_S * stream.rate.hz()) as usize;
         Self { stream, samples: Vec::new(), most, frames: 0 }

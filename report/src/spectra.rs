@@ -183,7 +183,7 @@ impl Spectra {
         sum.into_iter().enumerate().skip(1).map(point).collect()
     }
 
-    /// The mean spectrum over [`SHOWN_HZ`], from the bin that contains its lower end.
+    /// The mean spectrum over `SHOWN_HZ`, from the bin that contains its lower end.
     pub fn shown(&self) -> Vec<(f64, f64)> {
         let mut points = self.mean();
         let lowest = shown_from(&points);

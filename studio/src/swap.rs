@@ -64,6 +64,13 @@ impl Stage {
                 "the graph requests another soundcard; stop the run, apply the graph, then resume".to_owned(),
             );
         }
+        // The timer of a run without real devices holds a lock while it computes, and catches up after a stall.
+        if self.host.can_drive && driven(&self.loaded.graph).is_empty() && !driven(&next.graph).is_empty() {
+            return Some(
+                "the graph begins to drive a real device; stop the run, apply the graph, then resume"
+                    .to_owned(),
+            );
+        }
         let channels = |loaded: &Loaded| -> Vec<String> {
             let channels = loaded.graph.host_inputs().chain(loaded.graph.host_outputs());
             channels.map(|(name, _)| name).collect()

@@ -24,6 +24,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Duration of a fade in or out, s.
 pub const FADE_S: f64 = 0.01;
 const REPORTS: usize = 4096;
+/// Places among them for replaced plans, which must not be lost.
+const OLD_PLANS: usize = 64;
 /// The real-time side of a live run.
 pub struct Live {
     run: Run,
@@ -313,9 +315,10 @@ impl Live {
         }
     }
 
-    /// Reports a wake-up; counts it as unreported if the ring is full.
+    /// Reports a wake-up; counts it as unreported if only the places of replaced plans are free.
     pub fn report(&mut self, wake: Wake) {
-        self.unreported += u64::from(self.reports.push(Report::Wake(wake)).is_err());
+        let has_room = self.reports.slots() > OLD_PLANS;
+        self.unreported += u64::from(!has_room || self.reports.push(Report::Wake(wake)).is_err());
     }
 
     /// State of the run.
