@@ -41,7 +41,7 @@ pub struct Upsampler {
 
 impl Upsampler {
     /// An interpolator of a signal that was zero before its first sample. `None` if `to` is not above `from`, or the ratio
-    /// needs more than [`MAX_POSITIONS`].
+    /// needs more than `MAX_POSITIONS`.
     pub fn new(from: Rate, to: Rate) -> Option<Self> {
         let ((from_n, from_d), (to_n, to_d)) = (from.parts(), to.parts());
         let (up, down) = (to_n.checked_mul(from_d)?, from_n.checked_mul(to_d)?);
