@@ -200,6 +200,15 @@ impl Drive {
         }
     }
 
+    /// What the system refused the timer that drives a real device, and how to grant it, one sentence each.
+    pub fn refused(&self) -> &[String] {
+        match &self.driver {
+            #[cfg(not(target_family = "wasm"))]
+            Some(Driver::Timer(thread)) => &thread.notes.refused,
+            _ => &[],
+        }
+    }
+
     fn driving_card(&self) -> Option<&CardDriver<Paced>> {
         match &self.driver {
             Some(Driver::Card(card)) => Some(card),

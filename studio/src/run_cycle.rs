@@ -114,6 +114,8 @@ impl Stage {
         self.drive = Some(self.drive_by(player, &how, is_live)?);
         if is_live {
             self.devices.network.keep(&self.loaded.graph);
+            let refused = self.drive.as_ref().and_then(|drive| drive.refused().first().cloned());
+            self.devices.note = self.devices.note.take().or(refused);
         }
         self.begin_recording_or_replay(how);
         self.session = Some(session);

@@ -3,13 +3,20 @@
 mod common;
 
 use common::{PATIENCE, Page};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
+};
+use haptograph_engine::settings::NoSettings;
+use haptograph_signal::quantity::Quantity;
 use haptograph_studio::{Options, Studio};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
 use tungstenite::Message;
 use tungstenite::stream::MaybeTlsStream;
 
@@ -22,7 +29,11 @@ fn open(graph: &Path) -> Studio {
 }
 
 fn open_with(graph: &Path, out: &Path) -> Studio {
-    let options = Options {
+    Studio::open(&options(graph, out), &haptograph_nodes::registry()).expect("a studio")
+}
+
+fn options(graph: &Path, out: &Path) -> Options {
+    Options {
         graph: graph.to_owned(),
         set: Vec::new(),
         endpoints: None,
@@ -31,8 +42,7 @@ fn open_with(graph: &Path, out: &Path) -> Studio {
         surfaces: Vec::new(),
         lan: None,
         learner: Some(common::learner),
-    };
-    Studio::open(&options, &haptograph_nodes::registry()).expect("a studio")
+    }
 }
 
 /// A copy of the TexturePad that tests may write to.
@@ -326,7 +336,7 @@ fn what_fails_while_it_is_learned_or_is_cancelled_ends_nothing_and_leaves_nothin
     let mut page = Page::of(&studio);
     page.wait(|said| said["type"] == "status" && said["state"] == "running" && said["pages"] == 1);
     page.say(&json!({ "type": "own" }));
-    let (asked, csv) = (std::time::Instant::now(), drags(5));
+    let (asked, csv) = (Instant::now(), drags(5));
     let reply = (6..).find_map(|request| {
         page.say(&learn(request, &csv));
         let reply = page.wait(|said| said["type"] == "reply" && said["request"] == request);
@@ -519,7 +529,7 @@ fn too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards() {
     let connect = |_| TcpStream::connect(studio.address()).ok();
     // Each takes a file at both ends.
     let all: Vec<TcpStream> = (0..40).map_while(connect).collect();
-    let begun = std::time::Instant::now();
+    let begun = Instant::now();
     let trouble = std::iter::repeat_with(|| studio.trouble()).find_map(|trouble| {
         assert!(begun.elapsed() < PATIENCE, "it says nothing");
         trouble
@@ -536,18 +546,66 @@ fn too_many_open_files_are_said_to_be_that_and_pages_come_in_afterwards() {
     }
 }
 
+haptograph_engine::node! {
+    /// Passes its input on, later than real time.
+    pub struct Sleeping(NoSettings) in "mine";
+    example: r#""late": Sleeping(input: "texture")"#;
+    in INPUT: Scalar = Port::of(Quantity::ACCELERATION, "Of the texture.");
+    out OUTPUT: Scalar = Port::of(Quantity::ACCELERATION, "The same.");
+}
+
+impl NodeKind for Sleeping {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Passing))
+    }
+}
+
+#[derive(Clone)]
+struct Passing;
+
+impl Processor<Sleeping> for Passing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Sleeping>) {
+        std::thread::sleep(Duration::from_millis(3));
+        let input = io.read(Sleeping::INPUT);
+        io.write(Sleeping::OUTPUT).copy_from_slice(input);
+    }
+}
+
+#[test]
+fn a_stop_is_heard_by_a_run_that_never_keeps_up_while_another_page_floods_it() {
+    let (folder, _) = copied();
+    let path = folder.path().join("late.ron");
+    let text = std::fs::read_to_string(shipped("texturepad.ron")).expect("it is there");
+    let late = r#"DynamicCompensator(acceleration: "late"), "late": Sleeping(input: "texture")"#;
+    let text = text.replace(r#"DynamicCompensator(acceleration: "texture")"#, late);
+    std::fs::write(&path, text).expect("written");
+    let mut registry = haptograph_nodes::registry();
+    registry.add(NodeEntry::processor::<Sleeping>());
+    let studio = Studio::open(&options(&path, folder.path()), &registry).expect("it is right");
+    let (mut owner, mut flood) = (Page::of(&studio), Page::of(&studio));
+    flood.say(&json!({ "type": "own" }));
+    owner.wait(|said| said["type"] == "status" && said["behind_ms"].as_f64().is_some_and(|late| late > 2.0));
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !done.load(Relaxed) {
+                flood.point(1.0, 2.0, 0.5);
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
+        let begun = Instant::now();
+        owner.say(&json!({ "type": "stop" }));
+        owner.wait(|said| said["type"] == "status" && said["state"] == "stopped");
+        // Ten times what it takes beside other tests; without a sleep of the run it is never.
+        let waited = begun.elapsed();
+        done.store(true, Relaxed);
+        assert!(waited < Duration::from_secs(10), "{waited:?}");
+    });
+}
+
 #[test]
 fn a_graph_of_two_drivers_is_refused_in_the_words_of_the_studio() {
-    let options = Options {
-        graph: shipped("two-drivers.ron"),
-        set: Vec::new(),
-        endpoints: None,
-        port: 0,
-        out: std::env::temp_dir(),
-        surfaces: Vec::new(),
-        lan: None,
-        learner: None,
-    };
+    let options = options(&shipped("two-drivers.ron"), &std::env::temp_dir());
     let error = Studio::open(&options, &haptograph_nodes::registry()).expect_err("it has two");
     let error = error.to_string();
     assert!(["studio", "`audio`, `servo`", "Derived"].iter().all(|part| error.contains(part)), "{error}");

@@ -81,7 +81,13 @@ pub fn render(
 ) -> Result<Rendered, RenderError> {
     let _claim = Claim::of(folder, batch.identity())?;
     let take = |chunk: usize| take(batch, folder, settings.shard, chunk as u64, stop);
-    let outcomes = parallel::try_map(settings.threads, 0..batch.chunks() as usize, progress, take)?;
+    // What is left out after a stop is no progress.
+    let progress = |done| {
+        if !stop.load(Ordering::Relaxed) {
+            progress(done);
+        }
+    };
+    let outcomes = parallel::try_map(settings.threads, 0..batch.chunks() as usize, &progress, take)?;
     let (mut rendered, found) = summary(batch, folder, settings.shard, outcomes);
     rendered.was_stopped = rendered.kept + rendered.rendered < rendered.chunks;
     let manifest = Manifest::of(batch, &found);

@@ -116,8 +116,9 @@ fn a_second_run_renders_only_what_is_missing_or_broken() {
     assert!(again.is_complete);
     assert_eq!(content(&data), whole);
     let settings = RenderSettings::default();
-    let stopped =
-        render(&batch, &folder.path().join("none"), &settings, &|_| (), &AtomicBool::new(true)).unwrap();
+    let no_progress = |part| panic!("{part} of nothing is done");
+    let stop = AtomicBool::new(true);
+    let stopped = render(&batch, &folder.path().join("none"), &settings, &no_progress, &stop).unwrap();
     assert!(stopped.was_stopped && stopped.rendered == 0 && !stopped.is_complete);
 }
 

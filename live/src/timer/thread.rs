@@ -127,9 +127,14 @@ impl Timer {
             let deadline = start + Duration::from_secs_f64(wake as f64 / self.wakes_hz);
             let due = (wake as f64 / self.wakes_hz * rate_hz).floor() as u64;
             self.wait_until(deadline);
+            let is_stalled = deadline.elapsed() > self.stall;
+            if is_stalled {
+                // Frames that always take too long would otherwise keep a core from all other threads.
+                std::thread::sleep(period);
+            }
             let began = Instant::now();
             let late = began.saturating_duration_since(deadline);
-            if late > self.stall {
+            if is_stalled {
                 // Skip the time of the stall.
                 start += late;
                 lost = (late.as_secs_f64() * self.wakes_hz) as u32;
