@@ -26,7 +26,7 @@ pub use declare::Declared;
 #[doc(hidden)]
 pub use declare::{first, lower, port_name};
 pub use entry::NodeEntry;
-pub(crate) use entry::{Advised, Build, Finish, Measured, Read};
+pub(crate) use entry::{Advised, Build, Finish, Measured, Read, build};
 pub use fallback::{Fallback, next_change};
 pub use port::{
     Count, Family, Held, Input, Many, Mode, Named, One, OneSignal, Optional, Output, OutputFamily, Outputs,

@@ -7,6 +7,7 @@ mod declared;
 mod expected;
 mod fields;
 mod live;
+mod rated;
 mod rewrite;
 mod unit;
 mod values;
@@ -22,6 +23,7 @@ pub use fields::{Fields, fields_of, read_choice};
 pub use haptograph_signal::spelling::closest;
 pub(crate) use live::same;
 pub use live::{LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
+pub(crate) use rated::check_at;
 pub use unit::{Scale, check_unit};
 
 use crate::diagnostic::{Diagnostic, Span};

@@ -41,7 +41,7 @@ use crate::frame::{FrameKind, Kind};
 use crate::io::{Extent, Form, LINE, Memory, Placing, ResolvedInput, Wires};
 use crate::node::{
     AnyProcessor, BuildContext, BuildError, DataEnd, Flow, InputSpec, KindRule, Latency, NodeKind, NodeSpec,
-    Output, SettingId, Tick,
+    Output, SettingId, Tick, build,
 };
 use crate::plan::MAX_BLOCK;
 use haptograph_signal::time::Rate;
@@ -112,7 +112,7 @@ impl Bench {
         inputs: &[Option<Kind>],
     ) -> Result<Self, BuildError> {
         let members = K::members(&settings)?;
-        let processor = K::build(settings, cx)?.into_processor();
+        let processor = build::<K>(settings, cx)?;
         Ok(Self::around(processor, &K::SPEC, members, cx, inputs))
     }
 

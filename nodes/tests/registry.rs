@@ -546,9 +546,8 @@ fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
     let mut tested = 0;
     each_processor(|entry, build| {
         for (id, setting) in live_numbers(entry) {
-            let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
-            // As the engine has it: below half the rate of the slowest bench.
-            let high = if setting.below_nyquist { high.min(0.499 * SERVO_HZ) } else { high };
+            // The rate of the slowest bench.
+            let (low, high) = setting.range_at(SERVO_HZ).unwrap_or((-1e3, 1e3));
             let mut bench = build();
             for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
                 let inputs = inputs(&bench, 200, false, seed);

@@ -52,7 +52,7 @@ use crate::node::{
     AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, OfflineOnly, OutputSpec,
     Stream,
 };
-use crate::settings::{SettingId, SettingSpec};
+use crate::settings::SettingId;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
@@ -386,21 +386,16 @@ impl Graph {
                     setting: *setting,
                     field: spec.name,
                     value: *value,
-                    range: self.live_range(node, spec),
+                    range: match node.clock {
+                        Some(clock) => spec.range_at(self.clocks[clock].rate.hz()),
+                        None => spec.range,
+                    },
                     whole: spec.expected.has_whole_numbers(),
                     si_per_unit: spec.si_per_unit,
                 })
             }));
         }
         found
-    }
-
-    /// The range of a live setting. A frequency is also bounded by half the rate of its node.
-    fn live_range(&self, node: &Node, spec: &SettingSpec) -> Option<(f64, f64)> {
-        let clock = node.clock.filter(|_| spec.below_nyquist);
-        let Some(clock) = clock else { return spec.range };
-        let (low, high) = spec.range.unwrap_or((0.0, f64::MAX));
-        Some((low, high.min((0.5 * self.clocks[clock].rate.hz() / spec.si_per_unit).next_down())))
     }
 
     /// Description from the file.

@@ -5,7 +5,9 @@ use super::{
     NodeKind, NodeSpec, ScriptedKind,
 };
 use crate::scripted;
-use crate::settings::{Fields, Flag, Reading, SettingId, SettingRole, SettingSpec, Settings, count};
+use crate::settings::{
+    Fields, Flag, Reading, SettingId, SettingRole, SettingSpec, Settings, check_at, count,
+};
 
 /// A registered node kind, its types erased.
 #[derive(Clone, Copy)]
@@ -60,6 +62,15 @@ pub(crate) type Advised = (Box<dyn AnyProcessor>, Vec<BuildError>);
 /// The second half of building, after clock and connections are known.
 pub(crate) type Finish<Context, T> = Box<dyn FnOnce(&Context) -> Result<T, BuildError>>;
 
+/// Builds a processor, once its settings fit the rate.
+pub(crate) fn build<K: NodeKind>(
+    settings: K::Settings,
+    cx: &BuildContext,
+) -> Result<Box<dyn AnyProcessor>, BuildError> {
+    check_at(&settings, cx.rate.hz())?;
+    Ok(K::build(settings, cx)?.into_processor())
+}
+
 impl NodeEntry {
     /// Erases the types of a node that processes.
     pub fn processor<K: NodeKind>() -> Self {
@@ -75,7 +86,7 @@ impl NodeEntry {
                     let bytes = K::memory_bytes(&settings, cx);
                     let finish: Finish<BuildContext, Advised> = Box::new(|cx| {
                         let advice = K::advice(&settings, cx);
-                        Ok((K::build(settings, cx)?.into_processor(), advice))
+                        Ok((build::<K>(settings, cx)?, advice))
                     });
                     Ok((bytes, finish))
                 }))

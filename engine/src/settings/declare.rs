@@ -52,7 +52,7 @@
 /// A field without `= default` is required. `[live]` marks a setting that may change while the graph runs; its handle is a
 /// constant of the struct with the name of the field, `LowPassSettings::cutoff_hz` (see
 /// [`LiveId`](crate::settings::LiveId)). `[live, below_nyquist]` marks a frequency that has to stay below half of the node's
-/// rate when it changes, `[limit]` the limit of an actuator sink, and `[output_file]` the file that a sink writes. There are no
+/// rate, `[limit]` the limit of an actuator sink, and `[output_file]` the file that a sink writes. There are no
 /// other [flags](crate::settings::Flag), and a misspelt one does not compile:
 ///
 /// ```compile_fail,E0599

@@ -21,7 +21,7 @@ pub struct DeclaredField {
 pub enum Flag {
     /// The setting can change while the graph runs.
     live,
-    /// When it changes, it has to stay below half the rate of its node.
+    /// It has to stay below half the rate of its node, in the file and when it changes.
     below_nyquist,
     /// It is the limit of an actuator sink, which a remote edit must not raise.
     limit,

@@ -54,14 +54,8 @@ haptograph_engine::node! {
 
 impl NodeKind for Biquad {
     fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
-        let (rate_hz, nyquist_hz) = (cx.rate.hz(), cx.rate.hz() / 2.0);
+        let rate_hz = cx.rate.hz();
         let frequency_hz = FREQUENCY.value(settings.frequency_hz, cx)?;
-        if let Some(frequency_hz) = frequency_hz.filter(|frequency_hz| *frequency_hz >= nyquist_hz) {
-            let message = format!("{frequency_hz} Hz is not below half the rate, {nyquist_hz} Hz");
-            return Err(
-                BuildError::at("frequency_hz", message).help("lower it, or run the node on a faster clock")
-            );
-        }
         let wanted = Wanted {
             shape: settings.shape,
             frequency_hz: frequency_hz.unwrap_or(0.01 * rate_hz),

@@ -46,11 +46,6 @@ haptograph_engine::node! {
 impl NodeKind for SpeedEstimator {
     fn build(settings: SpeedEstimatorSettings, cx: &BuildContext) -> Result<Built<Self>, BuildError> {
         let (cutoff_hz, rate_hz) = (settings.cutoff_hz, cx.rate.hz());
-        if cutoff_hz >= rate_hz / 2.0 {
-            let message =
-                format!("{cutoff_hz} Hz is not below half the rate of the position, {} Hz", rate_hz / 2.0);
-            return Err(BuildError::at("cutoff_hz", message).help("lower it; hands move below 20 Hz"));
-        }
         let (filter, per_hz) = match settings.smoothing {
             Smoothing::Butterworth => (SpeedFilter::Butterworth { order: 2, cutoff_hz }, 1.0),
             Smoothing::DoublePole => {
@@ -59,7 +54,7 @@ impl NodeKind for SpeedEstimator {
             }
         };
         let estimator = speed::SpeedEstimator::new(filter, rate_hz).map_err(design_error("cutoff_hz"))?;
-        Ok(Built::new(Estimating { estimator, per_hz, nyquist_hz: rate_hz / 2.0 }))
+        Ok(Built::new(Estimating { estimator, per_hz }))
     }
 }
 
@@ -68,7 +63,6 @@ struct Estimating {
     estimator: speed::SpeedEstimator<3>,
     /// Frequency of the filter for a cut-off of 1 Hz.
     per_hz: f64,
-    nyquist_hz: f64,
 }
 
 impl Processor<SpeedEstimator> for Estimating {
@@ -88,7 +82,7 @@ impl Processor<SpeedEstimator> for Estimating {
     }
 
     fn set(&mut self, setting: LiveId<SpeedEstimatorSettings>, value: f64) {
-        if setting == SpeedEstimatorSettings::cutoff_hz && value < self.nyquist_hz {
+        if setting == SpeedEstimatorSettings::cutoff_hz {
             self.estimator.turn(self.per_hz * value);
         }
     }
