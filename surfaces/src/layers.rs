@@ -282,8 +282,7 @@ impl TextureModel {
     pub fn interpolate_layers(&self, models: Triangle, weights: [f64; 3]) -> Option<[f64; COMPONENTS]> {
         let (mut components, mut any) = ([0.0; COMPONENTS], None);
         for layer in self.layers() {
-            let place = layer.kind().place();
-            if !place.is_empty() {
+            if let Some(place) = layer.kind().place().filter(|place| !place.is_empty()) {
                 layer.interpolate(models, weights, &mut components[place]);
                 any = Some(());
             }

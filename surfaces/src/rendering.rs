@@ -29,7 +29,7 @@ pub struct SynthesisSettings {
     pub update_hz: f64,
     /// Seed of the excitation; in a graph, that of the node `Excitation`.
     pub seed: u64,
-    /// Seed of the lines; in a graph, that of the node `ArmaFilter`.
+    /// Seed of the layers of the output, such as lines; in a graph, that of the node `ArmaFilter`.
     pub lines_seed: u64,
 }
 
@@ -65,8 +65,8 @@ pub enum SynthesisError {
 }
 
 /// The acceleration, m/s², of `texture` along `trajectory`: white noise with the interpolated variance and
-/// the texture's crackle, through the interpolated filter, which is updated at
-/// [`SynthesisSettings::update_hz`], plus the texture's lines.
+/// the layers of the excitation, through the interpolated filter, which is updated at
+/// [`SynthesisSettings::update_hz`], then the layers of the output.
 pub fn synthesise(
     texture: &TextureModel,
     trajectory: &Trajectory,

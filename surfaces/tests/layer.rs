@@ -3,12 +3,15 @@
 
 #![allow(clippy::unwrap_used)]
 
+use haptograph_signal::arma::Form;
 use haptograph_surfaces::files::native;
 use haptograph_surfaces::hull::Hull;
 use haptograph_surfaces::layers::{
-    Layer, LayerError, LayerKind, LayerSet, LayerVoice, RenderRates, Stage, crackle, parse,
+    COMPONENTS, Layer, LayerError, LayerKind, LayerSet, LayerVoice, RenderRates, Stage, crackle, lines, parse,
 };
-use haptograph_surfaces::rendering::{RandomWalk, SynthesisSettings, Voice, synthesise, synthesise_many};
+use haptograph_surfaces::rendering::{
+    RandomWalk, Synthesis, SynthesisSettings, Voice, synthesise, synthesise_many,
+};
 use haptograph_surfaces::resampling::{Method, resample};
 use haptograph_surfaces::triangulation::Triangle;
 use haptograph_surfaces::{ArmaModel, ModelAt, Origin, Provenance, Surface, TextureModel, VertexKind};
@@ -261,4 +264,58 @@ fn layers_are_rendered_by_a_voice_and_by_banks_with_the_same_bits() {
         let bits = |vibration: &[f64]| vibration.iter().map(|y| y.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&alone), bits(&many), "voice {}", voice.settings.seed);
     }
+}
+
+/// A hum under the name of another layer, whose components it does not have.
+#[derive(Debug, Clone)]
+struct NamedAsLines(Hum);
+
+const NAMED_AS_LINES: LayerKind = LayerKind { name: lines::KIND.name, ..HUM };
+
+impl Layer for NamedAsLines {
+    fn kind(&self) -> &'static LayerKind {
+        &NAMED_AS_LINES
+    }
+
+    fn write(&self, out: &mut String) -> fmt::Result {
+        self.0.write(out)
+    }
+
+    fn interpolate(&self, models: Triangle, weights: [f64; 3], into: &mut [f64]) {
+        self.0.interpolate(models, weights, into);
+    }
+
+    fn voice(&self, rates: RenderRates, seed: u64) -> Box<dyn LayerVoice> {
+        self.0.voice(rates, seed)
+    }
+
+    fn json(&self) -> Value {
+        self.0.json()
+    }
+
+    fn summary(&self) -> String {
+        self.0.summary()
+    }
+}
+
+/// What the synthesis makes of no excitation with each component of a frame at 1.
+fn of_a_frame(texture: &TextureModel) -> Vec<f64> {
+    let mut synthesis = Synthesis::new(Some(texture), Form::Lattice, texture.rate_hz(), 1);
+    synthesis.set_layers(0.1, &[1.0; COMPONENTS]);
+    let mut out = vec![0.0; 100];
+    synthesis.process(&[0.0; 100], &mut out);
+    out
+}
+
+#[test]
+fn a_layer_without_components_in_a_frame_gets_zeros() {
+    assert_eq!(of_a_frame(&layered()), [0.0; 100]);
+}
+
+#[test]
+fn a_layer_named_as_another_gets_none_of_its_components() {
+    let hum = Hum { period: 40.0, amplitudes: vec![3.0; bare().models().len()] };
+    let texture = bare().with_layer(Arc::new(NamedAsLines(hum))).unwrap();
+    assert_eq!(texture.interpolate_layers([0, 1, 2], [0.25, 0.25, 0.5]), None);
+    assert_eq!(of_a_frame(&texture), [0.0; 100]);
 }

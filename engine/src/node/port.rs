@@ -147,6 +147,18 @@ use std::marker::PhantomData;
 ///     in OFFSET: Linear = Port::like("terms", "");
 /// }
 /// ```
+///
+/// A role of an output at an input:
+/// ```compile_fail,E0080
+/// # use haptograph_engine::{frame::*, node::*, settings::NoSettings};
+/// haptograph_engine::node! {
+///     /// Adds.
+///     pub struct Mix(NoSettings) in "mine";
+///     example: "";
+///     in TERM: Linear = Port::any("").with_role(OutputRole::FrictionCoefficient);
+///     out SUM: Linear = Port::like("term", "");
+/// }
+/// ```
 pub struct Input<K, F, M = Sampled> {
     index: usize,
     name: &'static str,

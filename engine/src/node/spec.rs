@@ -241,7 +241,11 @@ impl Port {
     /// The input of this handle. For [`node!`](crate::node!).
     #[doc(hidden)]
     pub const fn input<K, F: FrameKind, M: Mode>(self, handle: Input<K, F, M>) -> InputSpec {
-        let Self { quantity, doc, .. } = self;
+        let Self { quantity, role, count, doc, .. } = self;
+        assert!(
+            matches!((role, count), (OutputRole::Plain, OutputCount::One)),
+            "an input has neither a role nor members"
+        );
         let (flow, presence) = (M::FLOW, M::PRESENCE);
         InputSpec { name: handle.name(), kind: self.kind::<F>(), quantity, flow, presence, doc }
     }

@@ -25,7 +25,7 @@ impl NodeKind for LsfInterpolator {
         let texture = load_texture(&settings.surface)?;
         Ok(Built::new(Mixing {
             interpolator: Interpolator::new(&texture),
-            texture,
+            layered: Some(texture).filter(|texture| texture.layers().next().is_some()),
             mix: Coefficients::SILENCE,
         }))
     }
@@ -34,7 +34,8 @@ impl NodeKind for LsfInterpolator {
 #[derive(Debug, Clone)]
 struct Mixing {
     interpolator: Interpolator,
-    texture: TextureModel,
+    /// The texture, if it has layers.
+    layered: Option<TextureModel>,
     mix: Coefficients,
 }
 
@@ -51,7 +52,8 @@ impl Processor<LsfInterpolator> for Mixing {
                 warping: self.mix.warping,
             }
             .write(components);
-            if let Some(layers) = self.texture.interpolate_layers(at.models, at.weights) {
+            let layers = |texture: &TextureModel| texture.interpolate_layers(at.models, at.weights);
+            if let Some(layers) = self.layered.as_ref().and_then(layers) {
                 LayersAt { speed_m_s: at.speed_m_s, components: layers }.write(components);
             }
         }

@@ -8,11 +8,17 @@ use std::ops::Range;
 use std::sync::Arc;
 
 impl LayerKind {
-    /// The place of its components among those of all [`LAYERS`]; empty for a layer that is not among them.
-    pub(crate) fn place(&self) -> Range<usize> {
-        let before = LAYERS.iter().take_while(|kind| kind.name != self.name);
-        let start = before.map(|kind| kind.components.len()).sum::<usize>();
-        start..COMPONENTS.min(start + self.components.len())
+    /// The place of its components among those of all [`LAYERS`]; `None` for a layer that is not among them.
+    pub(crate) fn place(&self) -> Option<Range<usize>> {
+        let mut start = 0;
+        for kind in LAYERS {
+            let end = start + kind.components.len();
+            if (kind.name, kind.components) == (self.name, self.components) {
+                return Some(start..end);
+            }
+            start = end;
+        }
+        None
     }
 }
 
@@ -52,10 +58,18 @@ impl LayerVoices {
         }
     }
 
-    /// Moves to a speed, and to the components of all [`LAYERS`] there.
+    /// Moves to a speed, and to the components of all [`LAYERS`] there; those of other layers are zero.
     pub fn set(&mut self, speed_m_s: f64, components: &[f64; COMPONENTS]) {
         for (layer, voice) in &mut self.voices {
-            voice.set(speed_m_s, &components[layer.kind().place()]);
+            let kind = layer.kind();
+            match kind.place() {
+                Some(place) => voice.set(speed_m_s, &components[place]),
+                None => {
+                    let own = &mut self.components[..kind.components.len()];
+                    own.fill(0.0);
+                    voice.set(speed_m_s, own);
+                }
+            }
         }
     }
 

@@ -161,10 +161,4 @@ impl TextureVoice {
             self.synthesis.process(excitation, out);
         }
     }
-
-    /// Continues the state of the voice that this one replaces.
-    pub fn copy_state_from(&mut self, other: &Self) {
-        self.excitation.copy_state_from(&other.excitation);
-        self.synthesis.copy_state_from(&other.synthesis);
-    }
 }
