@@ -230,12 +230,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
             Err(_) => Outcome::Failed("haptograph panicked; the message is above".to_owned()),
         })
     };
-    let shown = |part| {
-        if !stop.load(Ordering::Relaxed) {
-            progress.at(part);
-        }
-    };
-    let outcomes = parallel::map(parallel::cores(), &items, &shown, one);
+    let outcomes = parallel::map(parallel::cores(), &items, &|part| progress.at_unless(&stop, part), one);
     drop(progress);
     let stopped = outcomes.iter().any(Option::is_none);
     let counted = report(given, &items, outcomes)?;
