@@ -429,10 +429,11 @@ impl Reader<'_> {
         } else {
             u64::from_str_radix(&digits[2..], radix).ok().map(|n| format!("{sign}{n}"))
         };
-        // RON has no `_` right after a point, and none in or right after `0x`.
+        // RON has no `_` right after a point, none in or right after `0x`, and none in `NaN` and `inf`.
         let unsigned = written.trim_start_matches(['+', '-']);
         let is_split = radix != 10 && (unsigned[..2] != digits[..2] || unsigned[2..].starts_with('_'));
-        if !(is_split || written.contains("._"))
+        let is_word = unsigned.contains('_') && unsigned.starts_with(char::is_alphabetic);
+        if !(is_split || is_word || written.contains("._"))
             && let Some(text) = text
             && let Ok(number) = text.parse::<f64>()
         {
