@@ -5,6 +5,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// `progress` as long as work is not stopped: items that are left out after a stop are not done.
+pub fn until_stopped(stop: &AtomicBool, progress: impl Fn(f64) + Sync) -> impl Fn(f64) + Sync {
+    move |part| {
+        if !stop.load(Ordering::Relaxed) {
+            progress(part);
+        }
+    }
+}
 
 /// One of `of` parts, of about equal size, of a list of numbered items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use super::{
 use crate::engine::registry::Registry;
 use crate::learning::evaluate::{RecordingName, Study, StudyHead, StudyPart};
 use crate::learning::learn::{self as library, LearnSettings};
-use crate::learning::parts::Shard;
+use crate::learning::parts::{Shard, until_stopped};
 use crate::learning::recording::ImportSettings;
 use crate::signal::{files, parallel};
 use crate::surfaces::{Surface, files as surface_files};
@@ -230,7 +230,8 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
             Err(_) => Outcome::Failed("haptograph panicked; the message is above".to_owned()),
         })
     };
-    let outcomes = parallel::map(parallel::cores(), &items, &|part| progress.at_unless(&stop, part), one);
+    let outcomes =
+        parallel::map(parallel::cores(), &items, &until_stopped(&stop, |part| progress.at(part)), one);
     drop(progress);
     let stopped = outcomes.iter().any(Option::is_none);
     let counted = report(given, &items, outcomes)?;

@@ -35,13 +35,6 @@ impl Progress {
         self.bar.set_position((part * STEPS) as u64);
     }
 
-    /// The same, unless the task was stopped: what is left out is not done.
-    pub fn at_unless(&self, stop: &AtomicBool, part: f64) {
-        if !stop.load(Ordering::Relaxed) {
-            self.at(part);
-        }
-    }
-
     /// Starts the progress of a task of unknown length, shown as a spinner.
     pub fn unknown(doing: &'static str) -> Self {
         let bar = match is_animated() {

@@ -4,7 +4,7 @@ use super::chunk::{Chunk, file_name, verify};
 use super::folder::{Claim, FolderError};
 use super::manifest::Manifest;
 use super::plan::Batch;
-use crate::parts::Shard;
+use crate::parts::{Shard, until_stopped};
 use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
 use std::collections::BTreeMap;
@@ -81,12 +81,7 @@ pub fn render(
 ) -> Result<Rendered, RenderError> {
     let _claim = Claim::of(folder, batch.identity())?;
     let take = |chunk: usize| take(batch, folder, settings.shard, chunk as u64, stop);
-    // What is left out after a stop is no progress.
-    let progress = |done| {
-        if !stop.load(Ordering::Relaxed) {
-            progress(done);
-        }
-    };
+    let progress = until_stopped(stop, progress);
     let outcomes = parallel::try_map(settings.threads, 0..batch.chunks() as usize, &progress, take)?;
     let (mut rendered, found) = summary(batch, folder, settings.shard, outcomes);
     rendered.was_stopped = rendered.kept + rendered.rendered < rendered.chunks;
