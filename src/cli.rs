@@ -25,8 +25,8 @@ mod lsp;
 mod man;
 mod new;
 mod nodes;
-mod output;
 mod panic_hook;
+mod placing;
 mod progress;
 mod recording;
 mod recover;
@@ -42,7 +42,6 @@ mod surface;
 mod sweep;
 mod table;
 mod terminal;
-mod written;
 
 use crate::engine::diagnostic::{Diagnostics, render};
 use crate::engine::document::{Document, LoadOptions};

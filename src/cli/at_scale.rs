@@ -2,12 +2,10 @@
 //! parts equal the result of one run.
 
 use super::learn::{self, by_file};
-use super::output::Output;
+use super::placing::{LEDGER, Output};
 use super::progress::Progress;
 use super::table::{significant, table};
-use super::{
-    Failure, eprint, evaluate, folder_of, output, print, print_json, read_file, recording, run, surface,
-};
+use super::{Failure, eprint, evaluate, folder_of, print, print_json, read_file, recording, run, surface};
 use crate::engine::registry::Registry;
 use crate::learning::evaluate::{RecordingName, Study, StudyHead, StudyPart};
 use crate::learning::learn::{self as library, LearnSettings};
@@ -431,7 +429,7 @@ fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
         .into_iter()
         .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
         .map(|entry| entry.path())
-        .filter(|path| path.is_file() && !path.ends_with(output::LEDGER))
+        .filter(|path| path.is_file() && !path.ends_with(LEDGER))
         .collect();
     paths.sort();
     Ok(paths)

@@ -1,6 +1,6 @@
 //! `haptograph batch`: a data set of many rendered vibrations, described by a plan.
 
-use super::output::{self, Force};
+use super::placing::{Force, Output, note_beside, replaceable};
 use super::progress::Progress;
 use super::{Failure, eprint, print, print_json, read_file, run, snippet};
 use crate::engine::frame::Kind;
@@ -220,25 +220,16 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
         // Rendered from a model, not measured.
         simulated: true,
     };
-    let name = format!("job-{number}.wav");
-    let names = [name.clone(), format!("{name}.ron")];
-    for name in &names {
-        output::replaceable(&folder.join(name), force)?;
-    }
+    let path = folder.join(format!("job-{number}.wav"));
+    let output = Output::claim(&path, force)?;
+    replaceable(&note_beside(&path), force)?;
     let vibration = batch::vibration(batch, job).map_err(|error| failed(&error))?;
-    let path = folder.join(&name);
-    let unwritten = |error: &dyn std::fmt::Display| Failure::file("write", &path, error);
-    let waiting = tempfile::Builder::new()
-        .prefix(".haptograph-")
-        .tempdir_in(folder)
-        .map_err(|error| unwritten(&error))?;
-    let mut writer = open_to_fit(&waiting.path().join(&name), &stream).map_err(|error| unwritten(&error))?;
-    writer.write(0, &vibration).and_then(|()| writer.finish()).map_err(|error| unwritten(&error))?;
-    // The note is written first, so that no WAV file exists without its full scale.
-    for name in names.iter().rev() {
-        output::place(&waiting.path().join(name), &folder.join(name), force)?;
-    }
-    Ok(path)
+    let write = |path: &Path| {
+        let mut writer = open_to_fit(path, &stream)?;
+        writer.write(0, &vibration)?;
+        writer.finish()
+    };
+    Ok(output.write_by(write)?.0)
 }
 
 /// A plan error, shown at its place in the file.

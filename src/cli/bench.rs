@@ -2,7 +2,7 @@
 
 mod cost_report;
 
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::run::progress_bar;
 use super::{Failure, GraphArguments, print};
 use crate::engine::plan::{Plan, PlanOptions};

@@ -1,12 +1,11 @@
 //! `haptograph convert-recording`: writes a recording in another format.
 
 use super::import::{Import, Touch};
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::{Failure, eprint, print, print_json, recording, refuse_overwrite};
 use crate::engine::registry::Registry;
 use crate::learning::recording::{Gesture, contents, file_names};
 use serde_json::json;
-use std::fs;
 use std::path::PathBuf;
 
 /// Convert a recording between haptograph's archive, tables and the toolkit's (HaTT) XML
@@ -53,7 +52,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let contents = contents(&loaded.recording, &arguments.output).map_err(|error| failed(&error))?;
     let mut written = vec![];
     for (output, bytes) in outputs.iter().zip(contents) {
-        written.push(output.write_by(|path| fs::write(path, &bytes))?.0);
+        written.push(output.write(bytes)?);
     }
     if arguments.json {
         return print_json(&json!({ "written": written }));

@@ -2,8 +2,8 @@
 
 use super::Failure;
 use super::bench::bytes;
+use super::placing::dead_in;
 use super::result::{CommandResult, show};
-use super::run::folder::dead_in;
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;

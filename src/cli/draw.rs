@@ -1,6 +1,6 @@
 //! `haptograph draw`: a graph as an SVG drawing, or as text for Graphviz or Mermaid.
 
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::result::{CommandResult, Written, show};
 use super::{Failure, GraphArguments};
 use crate::engine::graph::Graph;

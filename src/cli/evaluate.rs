@@ -7,7 +7,7 @@ pub(super) use takes::list_takes;
 use takes::read_takes;
 
 use super::import::Import;
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
 use super::{Failure, eprint, learn as learning, print, print_json};
@@ -71,8 +71,7 @@ enum PoolingArgument {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let page = arguments.report.as_deref();
-    let page = page.map(|folder| Output::claim_page(folder, arguments.force)).transpose()?;
+    let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let import = arguments.settings.import(&arguments.import)?;
     if arguments.holdout {
         return run_holdout(arguments, page.as_ref(), &import);

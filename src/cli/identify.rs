@@ -1,7 +1,7 @@
 //! `haptograph identify`: fits the parameters of a voice-coil actuator to a recorded sweep.
 
 use super::import::Import;
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::{Failure, eprint, print, recording};
 use crate::engine::registry::Registry;
 use crate::engine::settings::Setting;
@@ -78,8 +78,7 @@ impl Arguments {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let page = arguments.report.as_deref();
-    let page = page.map(|folder| Output::claim_page(folder, arguments.force)).transpose()?;
+    let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let import = arguments.import.settings().map_err(Failure::Message)?;
     let (file, findings) =
         load_sweep(&arguments.recording, &import).map_err(|error| recording::failure(&error))?;

@@ -4,7 +4,7 @@ mod summary;
 
 use super::at_scale::{self, Folder};
 use super::import::{Import, Touch, positive};
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
 use super::{Failure, eprint, print, print_json, recording, refuse_overwrite, segment, surface};
@@ -236,8 +236,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     refuse_overwrite(files.iter().flat_map(|(path, _)| recording::parts(path)), &arguments.output)?;
     let import = arguments.import()?;
     let output = surface::claim(&arguments.output, arguments.force)?;
-    let page = arguments.report.as_deref();
-    let page = page.map(|folder| Output::claim_page(folder, arguments.force)).transpose()?;
+    let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let (mut recordings, mut warnings, mut is_implausible) = (vec![], vec![], false);
     for (path, gesture) in &files {
         let loaded = read(path, *gesture, &import)?;

@@ -1,6 +1,6 @@
 //! `haptograph man`: manual pages generated from the help texts.
 
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::{Failure, print, program};
 use crate::engine::registry::Registry;
 use crate::engine::settings::closest;

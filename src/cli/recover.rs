@@ -4,8 +4,7 @@
 //! those of crashed runs, are corrected to the length of the data; recordings are assembled from their parts, which are
 //! kept; and the folder of a run gets its own name. A complete run that was killed during its move is moved to its place.
 
-use super::run::folder::{MARKER, PARTIAL, PROBES};
-use super::run::placing::{MovePlan, resume};
+use super::placing::{MARKER, MovePlan, PARTIAL, PROBES, lock, resume};
 use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
@@ -104,14 +103,11 @@ const LOCKED: [&str; 2] = [MARKER, haptograph_studio::APPENDED];
 
 /// True if a running process holds the folder's lock.
 fn is_being_written(folder: &Path) -> Result<bool, Failure> {
-    for path in LOCKED.map(|name| folder.join(name)) {
-        let Ok(marker) = files::open(&path, u64::MAX) else {
-            continue;
-        };
-        match marker.as_file().try_lock() {
-            Ok(()) => {}
+    for path in LOCKED.map(|name| folder.join(name)).iter().filter(|path| path.exists()) {
+        match lock(path) {
+            Ok(_) => {}
             Err(TryLockError::WouldBlock) => return Ok(true),
-            Err(TryLockError::Error(error)) => return Err(Failure::file("lock", &path, &error)),
+            Err(TryLockError::Error(error)) => return Err(Failure::file("lock", path, &error)),
         }
     }
     Ok(false)

@@ -4,16 +4,14 @@
 mod console;
 mod endpoints;
 mod facts;
-pub mod folder;
 mod live;
 mod outputs;
-pub mod placing;
 pub mod present;
 mod replay;
 mod status;
 pub mod summary;
 
-use super::output::{self, Force};
+use super::placing::{self, Force, MARK, RunFolder, note_beside, replaceable};
 use super::terminal::is_animated;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
@@ -22,7 +20,6 @@ use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome, Probe};
 use crate::live::supervisor::CHANGES;
 use crate::report::plotted::PlottedSignals;
 use crate::report::sound::Sound;
-use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use present::Present;
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -169,11 +166,11 @@ fn target(arguments: &Arguments) -> PathBuf {
 
 /// Names that every run writes into its folder.
 const OWN_FILES: [&str; 10] = [
-    folder::MARK,
-    folder::MANIFEST,
-    folder::MARKER,
-    folder::PROBES,
-    folder::REPLACED,
+    MARK,
+    placing::MANIFEST,
+    placing::MARKER,
+    placing::PROBES,
+    placing::REPLACED,
     placing::MOVES,
     PAGE,
     DRAWING,
@@ -223,8 +220,8 @@ impl<'a> RunSetup<'a> {
         refuse_own_files(graph, arguments.record).map_err(message)?;
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.refuse_inputs(graph, &probe.file)?;
-            for file in [probe.file.clone(), outputs::note_of(&probe.file)] {
-                output::replaceable(&file, arguments.force)?;
+            for file in [probe.file.clone(), note_beside(&probe.file)] {
+                replaceable(&file, arguments.force)?;
             }
             if place_of(&probe.file).starts_with(place_of(&target)) {
                 return Err(Failure::Message(format!(
@@ -284,18 +281,13 @@ impl Completion {
     ) -> Result<Option<Sound>, Failure> {
         summary.add(Vec::new(), self.plotted.shortfalls());
         let sound = self.plotted.sound();
-        self.folder.write(folder::MARK, &summary.to_json())?;
+        self.folder.write(MARK, &summary.to_json())?;
         self.folder.write(PAGE, &summary.page(graph, &self.plotted, sound.as_ref()))?;
         self.folder
             .write(DRAWING, &crate::report::drawing::standalone_svg(graph, &arguments.graph.name()))?;
-        self.folder.seal(&self.probes)?;
-        let probes = outputs::place_probes(&self.folder, &self.probes, arguments.force)
-            .inspect_err(|_| self.folder.unseal())?;
-        for line in outputs::full_scales(&probes)? {
-            eprint(&format!("note: {line}\n"));
-        }
-        let placed = self.folder.put_in_place()?;
-        placed.lines().iter().for_each(|line| eprint(&format!("note: {line}\n")));
+        let (placed, probes) = self.folder.commit(&self.probes, arguments.force)?;
+        let notes = outputs::full_scales(&probes)?.into_iter().chain(placed.lines());
+        notes.for_each(|line| eprint(&format!("note: {line}\n")));
         summary.warnings().iter().for_each(|warning| eprint(&format!("warning: {warning}\n")));
         print(&match arguments.json {
             true => summary.to_json(),

@@ -1,6 +1,6 @@
 //! `haptograph simulate-recording`: simulates a recording with the recording graph.
 
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
 use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;

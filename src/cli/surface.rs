@@ -8,7 +8,7 @@ mod resample;
 mod select;
 mod show;
 
-use super::output::{Force, Output};
+use super::placing::{Force, Output};
 use super::{Failure, eprint, snippet};
 use crate::engine::registry::Registry;
 use crate::signal::files as bounded;

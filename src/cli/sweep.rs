@@ -1,8 +1,7 @@
 //! `haptograph sweep`: runs one graph with several settings over the same strokes and writes a page that
 //! compares the runs.
 
-use super::output::Force;
-use super::run::folder::RunFolder;
+use super::placing::{Force, RunFolder};
 use super::run::present::Present;
 use super::run::summary::Summary;
 use super::run::{self, message, timed};
@@ -175,7 +174,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     folder.write("report.html", &page(arguments, &done))?;
     let facts = facts(arguments, &done, planned);
     folder.write("run.json", &facts)?;
-    let placed = folder.put_in_place()?;
+    let (placed, _) = folder.commit(&[], Force::default())?;
     placed.lines().iter().for_each(|line| eprint(&format!("note: {line}\n")));
     let stopped = stop.load(Ordering::Relaxed);
     if done.len() < planned || stopped {

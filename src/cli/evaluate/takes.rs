@@ -1,6 +1,6 @@
 //! Loads the takes in a folder.
 
-use crate::cli::output::LEDGER;
+use crate::cli::placing::LEDGER;
 use crate::cli::{Failure, eprint, recording};
 use crate::learning::evaluate::{RecordingName, Take, TakeSource};
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings, LoadError, ReadError};

@@ -1,8 +1,7 @@
 //! Signals written in addition to the graph's own sinks: probes and records.
 
-use super::super::output::{self, Force};
+use super::super::placing::RunFolder;
 use super::super::{Failure, recording};
-use super::folder::RunFolder;
 use crate::engine::graph::{Graph, TemplateOutput};
 use crate::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
 use crate::engine::run::{FileSinks, Probe};
@@ -11,7 +10,6 @@ use crate::live::soundcard::{CardOutputSink, output_sinks};
 use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use crate::report::record::{WatchedOutput, watch};
-use crate::signal::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -79,32 +77,6 @@ pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
 
 fn is_wav(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "wav")
-}
-
-/// Moves the probes' files and their notes to the requested paths; returns the final paths.
-pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Result<Vec<PathBuf>, Failure> {
-    let mut placed = Vec::new();
-    for (number, file) in files.iter().enumerate() {
-        let waiting = folder.probe(number)?;
-        let entries = file
-            .parent()
-            .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| files::entries(&waiting)?.collect());
-        let entries: Vec<fs::DirEntry> = entries.map_err(|error| Failure::file("write", file, &error))?;
-        for entry in entries {
-            let target = file.with_file_name(entry.file_name());
-            placed.push(output::place(&entry.path(), &target, force)?);
-        }
-    }
-    let is_placed = |file: &&PathBuf| placed.contains(file) && placed.contains(&note_of(file));
-    Ok(files.iter().filter(is_placed).cloned().collect())
-}
-
-/// The path of the note beside a probe's file.
-pub fn note_of(file: &Path) -> PathBuf {
-    let mut note = file.as_os_str().to_owned();
-    note.push(".ron");
-    note.into()
 }
 
 /// Writes every output into `record/`: as WAV if that format can hold it, otherwise as CSV.

@@ -1,7 +1,7 @@
 //! `haptograph surface convert`: converts between haptograph's and the toolkit's file formats.
 
 use super::{Failure, claim, load, save};
-use crate::cli::output::Force;
+use crate::cli::placing::Force;
 use crate::cli::refuse_overwrite;
 use crate::cli::result::{Written, show};
 use crate::surfaces::files::merge;

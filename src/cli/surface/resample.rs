@@ -1,7 +1,7 @@
 //! `haptograph surface resample`: reduces the sampling rate of a texture.
 
 use super::{Failure, claim, load, save};
-use crate::cli::output::Force;
+use crate::cli::placing::Force;
 use crate::cli::refuse_overwrite;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::significant;

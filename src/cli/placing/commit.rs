@@ -1,15 +1,15 @@
-//! Move of a complete run to its place. Unchanged files of an earlier run are removed, all other files are
+//! The move of a complete run to its place. Unchanged files of an earlier run are removed, all other files are
 //! kept; if a step fails, all earlier steps are undone.
 //!
 //! A kill in between leaves files in two places. A plan of the move is stored in the folder until the move is
 //! complete, so that the next run or `haptograph recover` completes it: see [`MovePlan`].
 
-use super::super::Failure;
-use super::super::output::{self, Force};
-use super::super::written::{FileManifest, free_beside};
-use super::folder::{MANIFEST, MARK, MARKER, PROBES, REPLACED};
-use crate::signal::files;
-use crate::signal::files::{is_temporary, write_atomically};
+use super::file::{Force, note_beside, place_all};
+use super::folder::{MARK, MARKER, PARTIAL, PROBES, REPLACED};
+use super::manifest::{MANIFEST, Manifest};
+use super::{Transaction, free_beside, step};
+use crate::cli::Failure;
+use crate::signal::files::{self, is_temporary, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;
@@ -63,7 +63,7 @@ pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
         Err(error) => return Err(Failure::file("read the folder", target, &error)),
         Ok(mut entries) => entries.all(|entry| entry.is_ok_and(|entry| entry.path().join(MARKER).exists())),
     };
-    if is_empty || FileManifest::read(&place.join(MANIFEST)).is_some() {
+    if is_empty || Manifest::read(&place.join(MANIFEST)).is_some() {
         return Ok(());
     }
     Err(Failure::Message(format!(
@@ -87,24 +87,21 @@ pub struct MovePlan {
 }
 
 impl MovePlan {
-    /// Plans the move of a run from `content` to `place`.
-    pub fn of(content: &Path, place: &Path) -> Self {
+    /// Plans the move of a run from `content` to `place` and stores the plan, after which an interrupted move can be
+    /// completed. Paths that are not Unicode cannot be stored: then a killed move stays incomplete.
+    pub fn begin(content: &Path, place: &Path, probes: &[PathBuf]) -> io::Result<Self> {
         let earlier = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
         let name = |path: PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
-        Self { inside: content.parent() == Some(place), earlier: earlier.and_then(name), probes: Vec::new() }
-    }
-
-    /// Writes the plan, after which an interrupted move can be completed. Paths that are not Unicode cannot
-    /// be stored: then nothing is written, and a killed move stays incomplete.
-    pub fn save(mut self, content: &Path, probes: &[PathBuf]) -> io::Result<()> {
-        for probe in probes {
-            let Some(path) = std::path::absolute(probe)?.to_str().map(str::to_owned) else {
-                return Ok(());
-            };
-            self.probes.push(path);
+        let probes = probes.iter().map(std::path::absolute).collect::<io::Result<Vec<_>>>()?;
+        let probes = probes.iter().map(|path| path.to_str().map(str::to_owned)).collect::<Option<Vec<_>>>();
+        let is_whole = probes.is_some();
+        let inside = content.parent() == Some(place);
+        let plan = Self { inside, earlier: earlier.and_then(name), probes: probes.unwrap_or_default() };
+        if is_whole {
+            let text = serde_json::to_string_pretty(&plan)? + "\n";
+            write_atomically(&content.join(MOVES), text.as_bytes())?;
         }
-        let text = serde_json::to_string_pretty(&self)? + "\n";
-        write_atomically(&content.join(MOVES), text.as_bytes())
+        Ok(plan)
     }
 
     /// Reads the plan of an interrupted move.
@@ -116,24 +113,23 @@ impl MovePlan {
     /// Target of the move of `content`; `None` if its name does not state it.
     pub fn place(&self, content: &Path) -> Option<PathBuf> {
         let near = content.parent()?;
-        let name = content.file_name()?.to_str()?;
-        let (name, _) = name.rsplit_once(super::folder::PARTIAL)?;
+        let (name, _) = content.file_name()?.to_str()?.rsplit_once(PARTIAL)?;
         Some(if self.inside { near.to_owned() } else { near.join(name) })
+    }
+
+    /// The folder, beside the place, that keeps an earlier run.
+    fn kept(&self, place: &Path) -> Option<PathBuf> {
+        // Only a file name, since a plan can be forged.
+        let name = Path::new(self.earlier.as_ref()?).file_name()?;
+        Some(place.with_file_name(name))
     }
 }
 
 /// Completes an interrupted move. A plan can be forged, so only files written by haptograph are replaced.
 pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failure> {
-    for (number, probe) in plan.probes.iter().enumerate() {
-        let waiting = content.join(PROBES).join(number.to_string());
-        let probe = Path::new(probe);
-        let is_signal = probe.extension().is_some_and(|ending| ending == "wav" || ending == "csv");
-        let names = [probe.to_owned(), super::outputs::note_of(probe)];
-        for target in names.iter().filter(|_| is_signal) {
-            let from = waiting.join(target.file_name().unwrap_or_default());
-            if from.is_file() {
-                output::place(&from, target, Force::default())?;
-            }
+    for (number, probe) in plan.probes.iter().map(Path::new).enumerate() {
+        if probe.extension().is_some_and(|ending| ending == "wav" || ending == "csv") {
+            place_probe(content, number, probe, Force::default())?;
         }
     }
     let failed = |error| Failure::file("complete the move of", content, &error);
@@ -145,28 +141,37 @@ pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failu
     Ok(())
 }
 
+/// Moves the files of a probe to their places; true if all are at the requested paths.
+pub fn place_probe(content: &Path, number: usize, file: &Path, force: Force) -> Result<bool, Failure> {
+    let folder = file.parent().map_or(Ok(()), fs::create_dir_all);
+    folder.map_err(|error| Failure::file("write", file, &error))?;
+    let waiting = content.join(PROBES).join(number.to_string());
+    let placed = place_all(&waiting, file, force)?;
+    Ok(placed == [note_beside(file), file.to_owned()])
+}
+
 /// Moves all files of `content` to `place` and removes `content`.
 pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed> {
     let new = files_in(content, &[MARKER, PROBES, REPLACED, MOVES, MANIFEST])?;
     let new_manifest = content.join(MANIFEST);
     // The manifest of an interrupted move also lists the files already moved.
-    if FileManifest::read(&new_manifest).is_none() {
-        let mut manifest = FileManifest::default();
-        new.iter().try_for_each(|name| manifest.note(content, name))?;
+    if Manifest::read(&new_manifest).is_none() {
+        let mut manifest = Manifest::default();
+        new.iter().try_for_each(|name| manifest.add(content, name))?;
         manifest.save(&new_manifest)?;
     }
-    let mut moves = Moves::default();
+    let mut moves = Transaction::default();
     let placed = clear((content, place), &new, plan, &mut moves).and_then(|placed| {
         // The facts last but one, so that a folder with new facts is complete.
         let (facts, files): (Vec<_>, Vec<_>) = new.iter().partition(|name| *name == Path::new(MARK));
         let last = PathBuf::from(MANIFEST);
         for name in files.into_iter().chain(facts).chain([&last]) {
-            moves.of(&content.join(name), &place.join(name))?;
+            moves.rename(&content.join(name), &place.join(name))?;
         }
         Ok(placed)
     });
-    let placed = placed.inspect_err(|_| moves.take_back())?;
-    remove_empty(place, &moves.left);
+    let placed = placed.inspect_err(|_| moves.undo())?;
+    remove_empty(place, &moves);
     remove(content);
     Ok(placed)
 }
@@ -187,34 +192,28 @@ fn clear(
     (content, place): (&Path, &Path),
     new: &[PathBuf],
     plan: &MovePlan,
-    moves: &mut Moves,
+    moves: &mut Transaction,
 ) -> io::Result<Placed> {
-    let mut placed = Placed::default();
-    let list = place.join(MANIFEST);
-    let old = FileManifest::read(&list).unwrap_or_default();
-    let mut names: Vec<PathBuf> = old.names().filter(|name| place.join(name).is_file()).collect();
-    // Only a file name, since a plan can be forged.
-    let kept = plan.earlier.as_ref().and_then(|name| Path::new(name).file_name());
-    let kept = kept.map(|name| place.with_file_name(name));
+    let old = Manifest::read(&place.join(MANIFEST)).unwrap_or_default();
+    let earlier = plan.kept(place);
     // A kept earlier run keeps all files that it has now.
-    let is_kept = kept.is_some();
-    names.retain(|name| is_kept || old.is_unchanged(place, name));
-    let aside = kept.clone().unwrap_or_else(|| content.join(REPLACED));
+    let is_moved =
+        |name: &PathBuf| place.join(name).is_file() && (earlier.is_some() || old.is_unchanged(place, name));
+    let names: Vec<PathBuf> = old.names().filter(is_moved).collect();
+    let aside = earlier.clone().unwrap_or_else(|| content.join(REPLACED));
     for name in names.iter().map(PathBuf::as_path).chain([Path::new(MANIFEST)]) {
         if fs::symlink_metadata(place.join(name)).is_ok() {
-            moves.of(&place.join(name), &aside.join(name))?;
+            moves.rename(&place.join(name), &aside.join(name))?;
         }
     }
-    placed.earlier = kept;
-    for name in new {
-        if let Some(taken) = in_the_way(place, name) {
-            let free = free_beside(&taken);
-            moves.of(&taken, &free)?;
-            placed.moved.push((taken, free));
-        }
+    let mut moved = Vec::new();
+    for taken in new.iter().filter_map(|name| in_the_way(place, name)) {
+        let free = free_beside(&taken);
+        moves.rename(&taken, &free)?;
+        moved.push((taken, free));
     }
-    placed.left = left(place, &names, new, &placed.moved);
-    Ok(placed)
+    let left = left(place, &names, new, &moved);
+    Ok(Placed { earlier, left, moved })
 }
 
 /// The existing entry at the path of a new file or of one of its folders.
@@ -274,66 +273,13 @@ fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Removes emptied source folders.
-fn remove_empty(place: &Path, left: &BTreeSet<PathBuf>) {
-    for folder in left.iter().rev() {
-        let mut folder = folder.as_path();
+/// Removes the folders that files were moved out of, if they are empty.
+fn remove_empty(place: &Path, moves: &Transaction) {
+    let emptied: BTreeSet<&Path> = moves.done.iter().filter_map(|(from, _)| from.parent()).collect();
+    for folder in emptied.iter().rev() {
+        let within = folder.ancestors().take_while(|folder| *folder != place && folder.starts_with(place));
         // `remove_dir` keeps a folder that is not empty.
-        while folder != place && folder.starts_with(place) && fs::remove_dir(folder).is_ok() {
-            let Some(parent) = folder.parent() else { break };
-            folder = parent;
-        }
-    }
-}
-
-/// The moves done so far, which can be undone.
-#[derive(Debug, Default)]
-struct Moves {
-    done: Vec<(PathBuf, PathBuf)>,
-    /// Folders that files were moved out of.
-    left: BTreeSet<PathBuf>,
-}
-
-impl Moves {
-    /// Moves a file to a free path and creates the folders for it.
-    fn of(&mut self, from: &Path, to: &Path) -> io::Result<()> {
-        if let Some(folder) = to.parent() {
-            fs::create_dir_all(folder)?;
-        }
-        if fs::symlink_metadata(to).is_ok() {
-            let message = format!("{} was created during the move", to.display());
-            return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
-        }
-        step();
-        fs::rename(from, to)?;
-        self.left.extend(from.parent().map(Path::to_owned));
-        self.done.push((from.to_owned(), to.to_owned()));
-        Ok(())
-    }
-
-    fn take_back(&self) {
-        for (from, to) in self.done.iter().rev() {
-            // Report the first error only; a file that cannot be moved back stays at its new path.
-            let _ = fs::rename(to, from);
-        }
-    }
-}
-
-/// Hook for tests that interrupt a move.
-#[cfg(not(test))]
-fn step() {}
-
-#[cfg(test)]
-std::thread_local! {
-    /// Steps until the simulated kill, in this thread.
-    pub static STEPS_LEFT: std::cell::Cell<Option<u32>> = const { std::cell::Cell::new(None) };
-}
-
-#[cfg(test)]
-fn step() {
-    match STEPS_LEFT.get() {
-        Some(0) => panic!("killed on purpose"),
-        left => STEPS_LEFT.set(left.map(|left| left - 1)),
+        let _ = { within }.try_for_each(fs::remove_dir);
     }
 }
 

@@ -1,6 +1,8 @@
 //! Tests of the folders that a run may find at its target.
 
+use super::commit::Placed;
 use super::*;
+use crate::cli::Failure;
 
 fn run(target: &Path, files: &[(&str, &str)]) -> Result<Placed, Failure> {
     let folder = RunFolder::beside(target)?;
@@ -8,7 +10,7 @@ fn run(target: &Path, files: &[(&str, &str)]) -> Result<Placed, Failure> {
         fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
         folder.write(name, text).unwrap();
     }
-    folder.put_in_place()
+    folder.commit(&[], Force::default()).map(|(placed, _)| placed)
 }
 
 fn names(folder: &Path) -> Vec<String> {
@@ -83,7 +85,7 @@ fn nothing_is_lost_where_a_step_fails() {
     fs::create_dir(folder.path().join(REPLACED)).unwrap();
     fs::write(folder.path().join(REPLACED).join(MARK), "").unwrap();
     let waiting = folder.path().to_owned();
-    assert!(folder.put_in_place().is_err());
+    assert!(folder.commit(&[], Force::default()).is_err());
     assert_eq!(fs::read_to_string(waiting.join("a.csv")).unwrap(), "2");
     assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "1");
     assert_eq!(names(&target), ["a.csv", MANIFEST, MARK]);
@@ -160,13 +162,11 @@ fn killed_after(steps: Option<u32>, facts: &str, parent: &Path) -> bool {
         folder.write(name, text).unwrap();
     }
     fs::write(folder.probe(0).unwrap().join("probe.csv"), "2").unwrap();
-    folder.seal(std::slice::from_ref(&probe)).unwrap();
-    placing::STEPS_LEFT.set(steps);
+    STEPS_LEFT.set(steps);
     let moved = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-        super::super::outputs::place_probes(&folder, &[probe], Default::default()).unwrap();
-        folder.put_in_place().unwrap();
+        folder.commit(&[probe], Force::default()).unwrap();
     }));
-    placing::STEPS_LEFT.set(None);
+    STEPS_LEFT.set(None);
     moved.is_err()
 }
 
@@ -198,12 +198,21 @@ fn a_move_that_was_taken_back_is_not_completed() {
     let mut folder = RunFolder::beside(&target).unwrap();
     folder.begin();
     folder.write("a.csv", "1").unwrap();
-    folder.seal(&[]).unwrap();
     fs::create_dir(&target).unwrap();
     fs::write(target.join("thesis.tex"), "mine").unwrap();
     let waiting = folder.path().to_owned();
-    assert!(folder.put_in_place().is_err());
+    assert!(folder.commit(&[], Force::default()).is_err());
     fs::remove_file(target.join("thesis.tex")).unwrap();
     drop(RunFolder::beside(&target).unwrap());
     assert!(waiting.join("a.csv").is_file() && names(&target).is_empty());
+}
+
+#[test]
+fn a_free_name_keeps_its_extension() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.wav");
+    assert_eq!(free_beside(&path), path);
+    fs::write(&path, "").unwrap();
+    fs::create_dir(folder.path().join("x-1.wav")).unwrap();
+    assert_eq!(free_beside(&path), folder.path().join("x-2.wav"));
 }

@@ -2,8 +2,9 @@
 //! a failure the recorded data stay in a folder `NAME.partial-1` beside the target; a locked marker
 //! distinguishes running runs from crashed ones.
 
-use super::super::{Failure, eprint};
-use super::placing::{self, MOVES, MovePlan, Placed};
+use super::commit::{self, MOVES, MovePlan, Placed, place_probe};
+use super::file::Force;
+use crate::cli::{Failure, eprint};
 use crate::signal::files;
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -13,8 +14,6 @@ use std::path::{Path, PathBuf};
 
 /// The facts of a run, in its folder.
 pub const MARK: &str = "run.json";
-/// The list of a run's files and their hashes: see [`FileManifest`](super::super::written::FileManifest).
-pub const MANIFEST: &str = "manifest.json";
 /// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked
 /// during the run.
 pub const MARKER: &str = ".haptograph-partial";
@@ -44,7 +43,7 @@ impl RunFolder {
     pub fn beside(target: &Path) -> Result<Self, Failure> {
         let place = resolved(target)?;
         complete_moves(&place)?;
-        placing::refuse_foreign(target, &place)?;
+        commit::refuse_foreign(target, &place)?;
         let folder = Self::make(target, place)?;
         for leftover in leftovers_of(&folder.place) {
             if leftover == folder.content {
@@ -63,18 +62,17 @@ impl RunFolder {
     }
 
     fn make(target: &Path, place: PathBuf) -> Result<Self, Failure> {
-        let failed = |error: &dyn std::fmt::Display| Failure::file("make a folder beside", target, error);
-        let mut made = None;
+        let failed = |error| Failure::file("make a folder beside", target, &error);
+        let mut made = Err(io::ErrorKind::NotFound.into());
         for near in homes(&place) {
-            fs::create_dir_all(&near).map_err(|error| failed(&error))?;
-            made = Some(made_in(&near, &place));
-            if made.as_ref().is_some_and(Result::is_ok) {
+            fs::create_dir_all(&near).map_err(failed)?;
+            made = made_in(&near, &place);
+            if made.is_ok() {
                 break;
             }
         }
-        let content =
-            made.unwrap_or_else(|| Err(io::ErrorKind::NotFound.into())).map_err(|error| failed(&error))?;
-        let marker = mark(&content, &place).map_err(|error| failed(&error))?;
+        let content = made.map_err(failed)?;
+        let marker = mark(&content, &place).map_err(failed)?;
         Ok(Self { content, target: target.to_owned(), place, _marker: marker, has_begun: false })
     }
 
@@ -101,49 +99,49 @@ impl RunFolder {
         files::write_atomically(&path, text.as_bytes()).map_err(|error| Failure::file("write", &path, &error))
     }
 
-    /// Marks the run as complete: the next run completes an interrupted move.
-    pub fn seal(&self, probes: &[PathBuf]) -> Result<(), Failure> {
-        let plan = MovePlan::of(&self.content, &self.place);
-        let saved = plan.save(&self.content, probes);
-        saved.map_err(|error| Failure::file("write", &self.content.join(MOVES), &error))
-    }
-
-    /// Takes the mark back if the move does not happen.
-    pub fn unseal(&self) {
-        // If the mark remains, the next run completes the move.
-        let _ = fs::remove_file(self.content.join(MOVES));
-    }
-
-    /// Moves the files to their place. Unchanged files of an earlier run are replaced; all other files are
-    /// kept.
-    pub fn put_in_place(mut self) -> Result<Placed, Failure> {
+    /// Moves the files to their place, and those of probes to theirs: all or none of the run's. Unchanged files of an
+    /// earlier run are replaced; all other files are kept. Also returns the probes that are at the requested paths.
+    pub fn commit(mut self, probes: &[PathBuf], force: Force) -> Result<(Placed, Vec<PathBuf>), Failure> {
         self.has_begun = true;
-        let placed = self.try_to_place().inspect_err(|_| self.unseal())?;
+        let done = self.try_to_commit(probes, force).inspect_err(|_| {
+            // If the plan remains, the next run completes the move.
+            let _ = fs::remove_file(self.content.join(MOVES));
+        })?;
         // The folder holds nothing any more that must be kept.
         self.has_begun = false;
-        Ok(placed)
+        Ok(done)
     }
 
-    fn try_to_place(&self) -> Result<Placed, Failure> {
-        placing::refuse_foreign(&self.target, &self.place)?;
-        let plan = MovePlan::read(&self.content);
-        let plan = plan.unwrap_or_else(|| MovePlan::of(&self.content, &self.place));
-        placing::place(&self.content, &self.place, &plan)
-            .map_err(|error| Failure::file("put the run in place at", &self.target, &error))
+    fn try_to_commit(&self, probes: &[PathBuf], force: Force) -> Result<(Placed, Vec<PathBuf>), Failure> {
+        let plan = MovePlan::begin(&self.content, &self.place, probes)
+            .map_err(|error| Failure::file("write", &self.content.join(MOVES), &error))?;
+        let mut there = Vec::new();
+        for (number, probe) in probes.iter().enumerate() {
+            if place_probe(&self.content, number, probe, force)? {
+                there.push(probe.clone());
+            }
+        }
+        commit::refuse_foreign(&self.target, &self.place)?;
+        let placed = commit::place(&self.content, &self.place, &plan)
+            .map_err(|error| Failure::file("put the run in place at", &self.target, &error))?;
+        Ok((placed, there))
     }
 }
 
 /// Completes interrupted moves to `place`.
 fn complete_moves(place: &Path) -> Result<(), Failure> {
     for leftover in leftovers_of(place) {
-        if let Some(plan) = MovePlan::read(&leftover)
-            && plan.place(&leftover).as_deref() == Some(place)
-            && let Some(_lock) = lock_dead(&leftover)
-        {
-            placing::resume(&leftover, place, &plan)?;
-            let (leftover, place) = (leftover.display(), place.display());
-            eprint(&format!("note: completed the interrupted move of the run in {leftover} to {place}\n"));
+        let plan = MovePlan::read(&leftover);
+        let Some(plan) = plan.filter(|plan| plan.place(&leftover).as_deref() == Some(place)) else {
+            continue;
+        };
+        let lock = lock(&leftover.join(MARKER));
+        if matches!(lock, Err(TryLockError::WouldBlock)) {
+            continue;
         }
+        commit::resume(&leftover, place, &plan)?;
+        let (leftover, place) = (leftover.display(), place.display());
+        eprint(&format!("note: completed the interrupted move of the run in {leftover} to {place}\n"));
     }
     Ok(())
 }
@@ -233,18 +231,15 @@ fn mark(content: &Path, place: &Path) -> io::Result<File> {
     Ok(marker)
 }
 
-/// True if the run of such a folder is still going on.
-fn is_alive(leftover: &Path) -> bool {
-    let marker = files::open(&leftover.join(MARKER), files::MAX_REPORT_BYTES);
-    let locked = marker.map(|marker| marker.as_file().try_lock());
-    matches!(locked, Ok(Err(TryLockError::WouldBlock)))
+/// Locks the marker of a folder, unless a running process holds the lock.
+pub fn lock(marker: &Path) -> Result<files::Bounded, TryLockError> {
+    let marker = files::open(marker, u64::MAX).map_err(TryLockError::Error)?;
+    marker.as_file().try_lock().map(|()| marker)
 }
 
-/// The lock of a folder whose run has crashed.
-fn lock_dead(leftover: &Path) -> Option<files::Bounded> {
-    let marker = files::open(&leftover.join(MARKER), files::MAX_REPORT_BYTES).ok()?;
-    let is_locked = matches!(marker.as_file().try_lock(), Err(TryLockError::WouldBlock));
-    (!is_locked).then_some(marker)
+/// True if the run of such a folder is still going on.
+fn is_alive(leftover: &Path) -> bool {
+    matches!(lock(&leftover.join(MARKER)), Err(TryLockError::WouldBlock))
 }
 
 /// All temporary folders for `place`, of crashed and running runs.
@@ -285,6 +280,3 @@ fn about(leftover: &Path) -> String {
         "{leftover} holds the data of a crashed run{process}; `haptograph recover {leftover}` repairs its files"
     )
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,11 +1,11 @@
-//! Output files of commands. An existing file is replaced only if haptograph wrote it and it is unchanged
-//! since, which its hash in `.haptograph.json` beside it shows. Otherwise the command fails before it
-//! computes anything, unless `--force` is given.
+//! Single output files. An existing file is replaced only if haptograph wrote it and it is unchanged since.
+//! Otherwise the command fails before it computes anything, unless `--force` is given.
 
-use super::written::{FileManifest, free_beside};
-use super::{Failure, eprint, folder_of};
-use crate::signal::files;
-use crate::signal::files::write_atomically_by;
+use super::free_beside;
+use super::manifest::Manifest;
+use crate::cli::{Failure, eprint, folder_of};
+use crate::signal::files::{self, write_atomically_by};
+use std::ffi::OsStr;
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
@@ -42,9 +42,7 @@ impl Drop for Output {
 impl Output {
     /// Checks before the work that a file can be written without loss of another one.
     pub fn claim(path: &Path, force: Force) -> Result<Self, Failure> {
-        let path = path.to_owned();
-        let made = Vec::new();
-        Self { path, force, made }.proved()
+        Self { path: path.to_owned(), force, made: Vec::new() }.proved()
     }
 
     fn proved(self) -> Result<Self, Failure> {
@@ -56,39 +54,37 @@ impl Output {
     }
 
     /// Claims the page `report.html` of a folder and creates the folder.
-    pub fn claim_page(folder: &Path, force: Force) -> Result<Self, Failure> {
+    pub fn claim_page(folder: Option<&Path>, force: Force) -> Result<Option<Self>, Failure> {
+        let Some(folder) = folder else { return Ok(None) };
         if folder.is_file() {
             return Err(Failure::Message(format!(
                 "{} is a file; give a folder for the page",
                 folder.display()
             )));
         }
-        let path = folder.join("report.html");
         let is_missing =
             |folder: &&Path| !folder.as_os_str().is_empty() && fs::symlink_metadata(folder).is_err();
-        let missing = folder.ancestors().take_while(is_missing);
-        let made = missing.map(Path::to_owned).collect();
+        let made = folder.ancestors().take_while(is_missing).map(Path::to_owned).collect();
         // From here on `drop` removes the created folders.
-        let output = Self { path, force, made };
+        let output = Self { path: folder.join("report.html"), force, made };
         fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
-        output.proved()
+        output.proved().map(Some)
     }
 
     /// Writes the whole file or nothing; returns its path.
-    pub fn write(&self, text: &str) -> Result<PathBuf, Failure> {
-        self.write_by(|path| fs::write(path, text)).map(|(path, ())| path)
+    pub fn write(&self, content: impl AsRef<[u8]>) -> Result<PathBuf, Failure> {
+        self.write_by(|path| fs::write(path, content)).map(|(path, ())| path)
     }
 
-    /// The same for a writer function, which gets a temporary path first.
+    /// The same for a writer function, which gets a temporary path first. A note that it writes is placed too.
     pub fn write_by<T, E: Display>(
         &self,
         write: impl FnOnce(&Path) -> Result<T, E>,
     ) -> Result<(PathBuf, T), Failure> {
         let failed = |error: &dyn Display| Failure::file("write", &self.path, error);
-        let folder = folder_of(&self.path)?;
         let waiting = tempfile::Builder::new()
             .prefix(".haptograph-")
-            .tempdir_in(folder)
+            .tempdir_in(folder_of(&self.path)?)
             .map_err(|error| failed(&error))?;
         let file = waiting.path().join(self.path.file_name().unwrap_or_default());
         // Errors name the temporary path; the user knows only the final one.
@@ -97,39 +93,50 @@ impl Output {
             let twice = format!("cannot write {}: ", self.path.display());
             failed(&said.strip_prefix(&twice).unwrap_or(&said))
         })?;
-        Ok((place(&file, &self.path, self.force)?, made))
+        let placed = place_all(waiting.path(), &self.path, self.force)?;
+        Ok((placed.last().unwrap_or(&self.path).clone(), made))
     }
 }
 
-/// Moves a file to its target, or beside it if a foreign file has appeared there; returns the final path.
-pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
-    let (place, shown) = match replaceable(to, force) {
-        Ok(place) => (place, to.to_owned()),
-        Err(_) => {
-            let free = free_beside(to);
-            let (to, free_shown) = (to.display(), free.display());
-            eprint(&format!(
-                "note: {to} was changed since haptograph wrote it and is kept; wrote {free_shown} instead\n"
-            ));
-            (free.clone(), free)
+/// The path of the note beside a file of samples.
+pub fn note_beside(file: &Path) -> PathBuf {
+    let mut note = file.as_os_str().to_owned();
+    note.push(".ron");
+    note.into()
+}
+
+/// Moves a file and its note, if they wait in a folder, to their places; returns the final paths, the file's last: no
+/// file of samples exists without its full scale.
+pub fn place_all(waiting: &Path, file: &Path, force: Force) -> Result<Vec<PathBuf>, Failure> {
+    let mut placed = Vec::new();
+    for target in [note_beside(file), file.to_owned()] {
+        let from = waiting.join(target.file_name().unwrap_or_default());
+        if from.is_file() {
+            placed.push(place(&from, &target, force)?);
         }
-    };
-    let noted = note(&place, |list, name| list.announce(name, from));
-    move_file(from, &place).map_err(|error| {
-        // If this fails too, the list keeps an entry for a file that does not exist.
-        let _ = note(&place, |list, name| {
-            list.withdraw(name);
-            Ok(())
-        });
-        Failure::file("write", to, &error)
-    })?;
-    let noted = noted.and_then(|()| {
-        note(&place, |list, name| {
-            list.arrived(name);
-            Ok(())
-        })
+    }
+    Ok(placed)
+}
+
+/// Moves a file to its target, or beside it if a foreign file has appeared there; returns the final path.
+fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
+    let (place, shown) = replaceable(to, force).map(|place| (place, to.to_owned())).unwrap_or_else(|_| {
+        let free = free_beside(to);
+        let (to, shown) = (to.display(), free.display());
+        eprint(&format!(
+            "note: {to} was changed since haptograph wrote it and is kept; wrote {shown} instead\n"
+        ));
+        (free.clone(), free)
     });
-    if let Err(error) = noted {
+    let announced = change_list(&place, |list, name| list.announce(name, from));
+    let moved = move_file(from, &place);
+    // If this fails, the announcement stays, which holds for the old file and for the new one.
+    let settled = change_list(&place, |list, name| {
+        list.settle(name, moved.is_ok());
+        Ok(())
+    });
+    moved.map_err(|error| Failure::file("write", to, &error))?;
+    if let Err(error) = announced.and(settled) {
         let shown = shown.display();
         eprint(&format!(
             "note: cannot record that haptograph wrote {shown}; later runs will replace it only with --force: {error}\n"
@@ -166,22 +173,25 @@ fn is_own(place: &Path) -> bool {
     let (Ok(folder), Some(name)) = (folder_of(place), place.file_name()) else {
         return false;
     };
-    let list = FileManifest::read(&folder.join(LEDGER));
+    let list = Manifest::read(&folder.join(LEDGER));
     list.is_some_and(|list| list.is_unchanged(folder, Path::new(name)))
 }
 
-/// Changes the entry of a file in the list of its folder.
-fn note(place: &Path, change: impl FnOnce(&mut FileManifest, &Path) -> io::Result<()>) -> io::Result<()> {
+/// Changes the entry of a file in the list of its folder. A name that is not Unicode has none: the file counts as foreign.
+fn change_list(place: &Path, change: impl FnOnce(&mut Manifest, &str) -> io::Result<()>) -> io::Result<()> {
+    let Some(name) = place.file_name().and_then(OsStr::to_str) else {
+        return Ok(());
+    };
     let folder = folder_of(place).map_err(io::Error::other)?;
     let _lock = lock(folder);
     let ledger = folder.join(LEDGER);
-    let list = FileManifest::read(&ledger);
+    let list = Manifest::read(&ledger);
     if list.is_none() && fs::symlink_metadata(&ledger).is_ok() {
         return Err(io::Error::other(format!("{} is not a file list of haptograph", ledger.display())));
     }
     let mut list = list.unwrap_or_default();
-    list.retain(|name| folder.join(name).exists());
-    change(&mut list, Path::new(place.file_name().unwrap_or_default()))?;
+    list.forget_missing(folder);
+    change(&mut list, name)?;
     list.save(&ledger)
 }
 
@@ -235,7 +245,7 @@ mod tests {
             let (path, waiting) = (folder.path().join("x.svg"), folder.path().join("waiting"));
             write(&path, "1", false).unwrap();
             fs::write(&waiting, "2").unwrap();
-            note(&path, |list, name| list.announce(name, &waiting)).unwrap();
+            change_list(&path, |list, name| list.announce(name, &waiting)).unwrap();
             if moved {
                 fs::rename(&waiting, &path).unwrap();
             }
@@ -252,10 +262,10 @@ mod tests {
         let (new, old) = (above.path().join("new/page"), above.path().join("old"));
         fs::create_dir(&old).unwrap();
         for folder in [&new, &old] {
-            drop(Output::claim_page(folder, Force::default()).unwrap());
+            drop(Output::claim_page(Some(folder), Force::default()).unwrap());
         }
         assert!(!above.path().join("new").exists() && old.exists());
-        Output::claim_page(&new, Force::default()).unwrap().write("page").unwrap();
+        Output::claim_page(Some(&new), Force::default()).unwrap().unwrap().write("page").unwrap();
         assert_eq!(fs::read_to_string(new.join("report.html")).unwrap(), "page");
     }
 
