@@ -2,19 +2,11 @@
 //!
 //! A finished item or part is a file that was renamed into place, so that going on is looking at what is there, and merging too.
 
+use haptograph_signal::parallel;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// `progress` as long as work is not stopped: items that are left out after a stop are not done.
-pub fn until_stopped(stop: &AtomicBool, progress: impl Fn(f64) + Sync) -> impl Fn(f64) + Sync {
-    move |part| {
-        if !stop.load(Ordering::Relaxed) {
-            progress(part);
-        }
-    }
-}
 
 /// One of `of` parts, of about equal size, of a list of numbered items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +36,56 @@ impl FromStr for Shard {
             .and_then(|(number, of)| Self::new(number.trim().parse().ok()?, of.trim().parse().ok()?));
         parts.ok_or_else(|| "write it as K/N, with K from 1 to N".to_owned())
     }
+}
+
+/// An item after a pass over the work.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome<T> {
+    /// It was there.
+    Kept(T),
+    /// It was computed; with the damage of the one that was there, if any.
+    Computed(T, Option<String>),
+    /// It is not there: another part has it, or the work was stopped before it.
+    Absent,
+}
+
+/// Looks at all items, on several threads, and computes those of a part (`None`: all) that are not there, until `stop` is set.
+///
+/// `find` gives an item that is there, or the damage of it. `compute` puts an item there as a whole; `None` if it was stopped.
+/// `progress` receives the fraction done, from any thread.
+///
+/// # Errors
+/// The first error of `compute`; items computed before stay there.
+pub fn resume<T: Send, E: Send>(
+    (threads, items, shard): (usize, u64, Option<Shard>),
+    (progress, stop): (&(dyn Fn(f64) + Sync), &AtomicBool),
+    find: impl Fn(u64) -> Result<Option<T>, String> + Sync,
+    compute: impl Fn(u64) -> Result<Option<T>, E> + Sync,
+) -> Result<Vec<Outcome<T>>, E> {
+    let is_stopped = || stop.load(Ordering::Relaxed);
+    let one = |item: usize| {
+        let item = item as u64;
+        if is_stopped() {
+            return Ok(Outcome::Absent);
+        }
+        let damage = match find(item) {
+            Ok(Some(there)) => return Ok(Outcome::Kept(there)),
+            Ok(None) => None,
+            Err(damage) => Some(damage),
+        };
+        if !shard.is_none_or(|shard| shard.has(item)) {
+            return Ok(Outcome::Absent);
+        }
+        let computed = compute(item)?;
+        Ok(computed.map_or(Outcome::Absent, |item| Outcome::Computed(item, damage)))
+    };
+    // Items that are left out after a stop are not done.
+    let progress = |part| {
+        if !is_stopped() {
+            progress(part)
+        }
+    };
+    parallel::try_map(threads, 0..items as usize, &progress, one)
 }
 
 /// A computed part: the file or folder that it is in, what all parts of the work have in common, and its items by number.

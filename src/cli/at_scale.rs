@@ -1,29 +1,29 @@
 //! `learn` and `evaluate` over many recordings, split into parts that may run on several machines. The merged
 //! parts equal the result of one run.
 
+use super::evaluate::{TakeFiles, listed, recording_name, take_files};
 use super::learn::{self, by_file};
-use super::placing::{LEDGER, Output};
+use super::placing::{Force, Output};
 use super::progress::Progress;
+use super::result::{CommandResult, show};
 use super::table::{significant, table};
-use super::{Failure, eprint, evaluate, folder_of, print, print_json, read_file, recording, run, surface};
+use super::{Failure, eprint, evaluate, folder_of, read_file, recording, run, surface};
 use crate::engine::registry::Registry;
-use crate::learning::evaluate::{RecordingName, Study, StudyHead, StudyPart};
+use crate::learning::evaluate::{Study, StudyHead, StudyPart};
 use crate::learning::learn::{self as library, LearnSettings};
-use crate::learning::parts::{Shard, until_stopped};
+use crate::learning::parts::{self, Outcome, Shard};
 use crate::learning::recording::ImportSettings;
 use crate::signal::{files, parallel};
 use crate::surfaces::{Surface, files as surface_files};
 use clap::{Subcommand, ValueEnum};
-use serde_json::{Value, json};
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
+use std::convert::Infallible;
 use std::fmt::Debug;
 use std::fs;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
 /// Setting of a learned surface that holds the hash of its inputs and settings.
 const INPUTS: &str = "inputs sha256";
@@ -109,7 +109,7 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
     if let Some(there) = read_part(path).ok().filter(|there| there.head.study == study) {
         let wanted = (0..there.head.of).filter(|number| shard.has(*number as u64));
         if there.numbers().eq(wanted) {
-            return part_facts(given.json, path, &there, true);
+            return show(&PartFacts::of(path, &there, true), given.json);
         }
     }
     let output = Output::claim(path, given.force)?;
@@ -124,17 +124,30 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
     let head = StudyHead::of(study, &settings, &whole, &takes);
     let part = StudyPart::new(head, &compared);
     let text = part.to_text().map_err(|error| Failure::file("write", path, &error))?;
-    part_facts(given.json, &output.write(&text)?, &part, false)
+    show(&PartFacts::of(&output.write(text)?, &part, false), given.json)
 }
 
-fn part_facts(json: bool, path: &Path, part: &StudyPart, kept: bool) -> Result<(), Failure> {
-    let textures = part.numbers().count();
-    if json {
-        return print_json(&json!({ "part": path, "textures": textures, "of": part.head.of, "kept": kept }));
+/// A part of an evaluation.
+#[derive(Serialize)]
+struct PartFacts {
+    kept: bool,
+    of: usize,
+    part: PathBuf,
+    textures: usize,
+}
+
+impl PartFacts {
+    fn of(path: &Path, part: &StudyPart, kept: bool) -> Self {
+        Self { kept, of: part.head.of, part: path.to_owned(), textures: part.numbers().count() }
     }
-    let (path, of) = (path.display(), part.head.of);
-    let there = if kept { "; kept the existing part" } else { "" };
-    print(&format!("{textures} of {of} textures: {path}{there}\n"))
+}
+
+impl CommandResult for PartFacts {
+    fn text(&self) -> String {
+        let Self { kept, of, part, textures } = self;
+        let there = if *kept { "; kept the existing part" } else { "" };
+        format!("{textures} of {of} textures: {}{there}\n", part.display())
+    }
 }
 
 fn read_part(path: &Path) -> Result<StudyPart, Failure> {
@@ -155,11 +168,8 @@ fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let found = StudyPart::merged(&parts, &settings, &|part| progress.at(part));
     let found = found.map_err(|error| Failure::Message(error.to_string()))?;
     drop(progress);
-    if json {
-        return print_json(&evaluate::to_json(&found, head.simulated > 0));
-    }
-    print(&evaluate::describe(&found))?;
-    evaluate::print_simulated(head.simulated, head.recordings)
+    let StudyHead { simulated, recordings, .. } = *head;
+    show(&evaluate::Tables { found, simulated, recordings, page: None }, json)
 }
 
 /// A surface to learn.
@@ -169,13 +179,6 @@ struct Item {
     recordings: Vec<PathBuf>,
     /// All files that it depends on: the recordings and the files beside them.
     files: Vec<PathBuf>,
-}
-
-/// The result for one item.
-enum Outcome {
-    /// The surface, and true if it existed already.
-    Learned(Box<Surface>, bool),
-    Failed(String),
 }
 
 /// Refuses the flags for folders if files are given.
@@ -217,55 +220,69 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
     }
     let stop = run::stop_on_interrupt()?;
     let progress = Progress::of("learning");
-    let one = |item: &&Item| {
-        if stop.load(Ordering::Relaxed) {
-            return None;
-        }
-        // A panic fails only its own item.
-        Some(match catch_unwind(AssertUnwindSafe(|| learn_item(given, item, &import, &settings))) {
-            Ok(Ok((surface, kept))) => Outcome::Learned(Box::new(surface), kept),
-            Ok(Err(failure)) => Outcome::Failed(failure.to_string()),
-            Err(_) => Outcome::Failed("haptograph panicked; the message is above".to_owned()),
-        })
+    let work = (parallel::cores(), items.len() as u64, None);
+    let path = |item: &Item| given.output.join(format!("{}.ron", item.name));
+    let find = |number: u64| {
+        let item = items[number as usize];
+        // An error of reading the files is one of learning, below.
+        let inputs = inputs(item, &import, &settings).ok();
+        let there = surface_files::load(&path(item)).ok();
+        let there = there.filter(|there| there.provenance.settings.get(INPUTS) == inputs.as_ref());
+        Ok(there.map(|there| Ok(LearnedSurface::of(item, &there))))
     };
-    let outcomes =
-        parallel::map(parallel::cores(), &items, &until_stopped(&stop, |part| progress.at(part)), one);
+    let compute = |number: u64| {
+        let item = items[number as usize];
+        // A panic fails only its own item.
+        let learned = catch_unwind(AssertUnwindSafe(|| {
+            learn_item(item, &path(item), given.force, (&import, &settings))
+        }));
+        Ok::<_, Infallible>(Some(match learned {
+            Ok(learned) => learned.map_err(|failure| failure.to_string()),
+            Err(_) => Err("haptograph panicked; the message is above".to_owned()),
+        }))
+    };
+    let Ok(outcomes) = parts::resume(work, (&|part| progress.at(part), &stop), find, compute);
     drop(progress);
-    let stopped = outcomes.iter().any(Option::is_none);
-    let counted = report(given, &items, outcomes)?;
-    if stopped {
-        let missing = items.len() - counted.0;
+    let learned = LearnedFolder::of(&items, outcomes, &given.output);
+    if !given.json {
+        learned.warn_of_narrow();
+    }
+    // Without a surface the text is empty.
+    show(&learned, given.json)?;
+    if !given.json {
+        learned.report();
+    }
+    let (missing, failed, all) = (learned.missing, learned.failed.len(), items.len());
+    if missing > 0 {
         eprint(&format!(
-            "stopped with {missing} of {} surfaces missing; repeat the command to continue\n",
-            items.len()
+            "stopped with {} of {all} surfaces missing; repeat the command to continue\n",
+            missing + failed
         ));
         return Err(Failure::Interrupted);
     }
-    match (counted.1, given.json) {
+    match (failed, given.json) {
         (0, _) => Ok(()),
         (_, true) => Err(Failure::Reported),
         (failed, false) => Err(Failure::Message(format!(
-            "{failed} of {} surfaces were not learned; repeat the command to retry them, the others are kept",
-            items.len()
+            "{failed} of {all} surfaces were not learned; repeat the command to retry them, the others are kept"
         ))),
     }
 }
 
-/// The surface of an item, and true if it existed already.
-fn learn_item(
-    given: &learn::Arguments,
-    item: &Item,
-    import: &ImportSettings,
-    settings: &LearnSettings,
-) -> Result<(Surface, bool), Failure> {
-    let path = given.output.join(format!("{}.ron", item.name));
-    let inputs = hash(item.files.iter(), &(settings, import))?;
-    if let Ok(there) = surface_files::load(&path)
-        && there.provenance.settings.get(INPUTS) == Some(&inputs)
-    {
-        return Ok((there, true));
-    }
-    let output = Output::claim(&path, given.force)?;
+/// The hash of all that a surface depends on.
+fn inputs(item: &Item, import: &ImportSettings, settings: &LearnSettings) -> Result<String, Failure> {
+    hash(item.files.iter(), &(settings, import))
+}
+
+/// Learns the surface of an item into a file.
+fn learn_item<'a>(
+    item: &'a Item,
+    path: &Path,
+    force: Force,
+    (import, settings): (&ImportSettings, &LearnSettings),
+) -> Result<LearnedSurface<'a>, Failure> {
+    let inputs = inputs(item, import, settings)?;
+    let output = Output::claim(path, force)?;
     let load = |path: &PathBuf| Ok(recording::load_with(path, import)?.recording);
     let recordings = item.recordings.iter().map(load).collect::<Result<Vec<_>, Failure>>()?;
     let named: Vec<_> = item.recordings.iter().map(|path| (path.as_path(), None)).collect();
@@ -276,139 +293,152 @@ fn learn_item(
         let said = by_file(&missing.to_string(), &missing.reason, &named, &recordings);
         eprint(&format!("warning: {}: {said}\n", item.name));
     }
-    for (index, (path, _)) in named.iter().enumerate() {
-        let file = path.file_name().unwrap_or_default().to_string_lossy();
-        let name = format!("recording {} file", index + 1);
-        surface.provenance = surface.provenance.with_setting(name, file);
-    }
+    learn::note_files(&mut surface, &named);
     surface.provenance = surface.provenance.with_setting(INPUTS, inputs);
     surface::save(&surface, &output)?;
-    Ok((surface, false))
+    Ok(LearnedSurface::of(item, &surface))
 }
 
-/// Prints what was learned and what failed. Returns the number of surfaces and of failures.
-fn report(
-    given: &learn::Arguments,
-    items: &[&Item],
-    outcomes: Vec<Option<Outcome>>,
-) -> Result<(usize, usize), Failure> {
-    let (mut surfaces, mut kept, mut failed) = (vec![], 0, vec![]);
-    for (&item, outcome) in items.iter().zip(outcomes) {
-        match outcome {
-            None => {}
-            Some(Outcome::Learned(surface, was_there)) => {
-                kept += usize::from(was_there);
-                surfaces.push((item, surface));
-            }
-            Some(Outcome::Failed(why)) => failed.push((item, why)),
+/// What was learned from a folder.
+#[derive(Serialize)]
+struct LearnedFolder<'a> {
+    failed: Vec<FailedSurface<'a>>,
+    /// Number of surfaces that were there.
+    kept: usize,
+    surfaces: Vec<LearnedSurface<'a>>,
+    /// Number of surfaces that a stop left out.
+    #[serde(skip)]
+    missing: usize,
+    #[serde(skip)]
+    folder: &'a Path,
+}
+
+#[derive(Serialize)]
+struct LearnedSurface<'a> {
+    highest_hz: Option<f64>,
+    inputs_sha256: Option<String>,
+    models: Option<usize>,
+    mu: Option<f64>,
+    n_per_mm: Option<f64>,
+    origin: &'static str,
+    recordings: &'a [PathBuf],
+    surface: &'a str,
+    taps: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct FailedSurface<'a> {
+    error: String,
+    recordings: &'a [PathBuf],
+    surface: &'a str,
+    /// The error as it was, with its place in the file.
+    #[serde(skip)]
+    whole: String,
+}
+
+impl<'a> LearnedSurface<'a> {
+    fn of(item: &'a Item, surface: &Surface) -> Self {
+        Self {
+            highest_hz: surface.provenance.highest_hz(),
+            inputs_sha256: surface.provenance.settings.get(INPUTS).cloned(),
+            models: surface.texture.as_ref().map(|texture| texture.models().len()),
+            mu: surface.friction.map(|friction| friction.mu()),
+            n_per_mm: surface.stiffness.map(|stiffness| stiffness.n_per_mm()),
+            origin: surface.provenance.origin.as_str(),
+            recordings: &item.recordings,
+            surface: &item.name,
+            taps: surface.taps.as_ref().map(|taps| taps.taps().len()),
         }
     }
-    let counts = (surfaces.len(), failed.len());
-    if given.json {
-        let failed = failed.iter().map(|(item, why)| {
-            let why = why.trim_start_matches("error: ").trim_end();
-            json!({ "surface": item.name, "recordings": item.recordings, "error": why })
-        });
-        let facts = json!({
-            "surfaces": surfaces.iter().map(|(item, surface)| surface_json(item, surface)).collect::<Vec<_>>(),
-            "kept": kept,
-            "failed": failed.collect::<Vec<_>>(),
-        });
-        return print_json(&facts).map(|()| counts);
+
+    /// Row of the table.
+    fn row(&self) -> Vec<String> {
+        let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 4));
+        let count = |value: Option<usize>| value.map_or_else(|| "–".to_owned(), |value| value.to_string());
+        vec![
+            self.surface.to_owned(),
+            self.recordings.len().to_string(),
+            self.origin.to_owned(),
+            count(self.models),
+            number(self.mu),
+            count(self.taps),
+            number(self.n_per_mm),
+        ]
     }
-    let narrow = surfaces.iter().filter(|(_, surface)| surface.provenance.highest_hz().is_some()).count();
-    if narrow > 0 {
-        eprint(&format!(
-            "warning: {narrow} of {} surfaces do not hold all frequencies that a hand feels; `haptograph surface show` says which\n",
-            surfaces.len()
-        ));
-    }
-    if !surfaces.is_empty() {
-        let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
-        let rows: Vec<_> = surfaces.iter().map(|(item, surface)| row(item, surface)).collect();
-        print(&table(&header, &rows))?;
-    }
-    if !failed.is_empty() {
-        // The whole error first, with its place in the file.
-        failed.iter().for_each(|(_, why)| eprint(&format!("{}\n", why.trim_end())));
-        let row = |(item, why): &(&Item, String)| {
-            let line = why.lines().next().unwrap_or_default();
-            vec![item.name.clone(), line.trim_start_matches("error: ").to_owned()]
-        };
-        let rows: Vec<_> = failed.iter().map(row).collect();
-        eprint(&format!("\n{}", table(&["not learned", "why"], &rows)));
-    }
-    let (learned, folder) = (counts.0 - kept, given.output.display());
-    eprint(&format!("learned {learned} surfaces, kept {kept} existing ones: {folder}\n"));
-    Ok(counts)
 }
 
-/// Table row of a surface, the same for a new and a kept one.
-fn row(item: &Item, surface: &Surface) -> Vec<String> {
-    let models = surface.texture.as_ref().map(|texture| texture.models().len());
-    let taps = surface.taps.as_ref().map(|taps| taps.taps().len());
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 4));
-    let count = |value: Option<usize>| value.map_or_else(|| "–".to_owned(), |value| value.to_string());
-    vec![
-        item.name.clone(),
-        item.recordings.len().to_string(),
-        surface.provenance.origin.as_str().to_owned(),
-        count(models),
-        number(surface.friction.map(|friction| friction.mu())),
-        count(taps),
-        number(surface.stiffness.map(|stiffness| stiffness.n_per_mm())),
-    ]
-}
-
-fn surface_json(item: &Item, surface: &Surface) -> Value {
-    json!({
-        "surface": item.name,
-        "recordings": item.recordings,
-        "origin": surface.provenance.origin.as_str(),
-        "models": surface.texture.as_ref().map(|texture| texture.models().len()),
-        "mu": surface.friction.map(|friction| friction.mu()),
-        "taps": surface.taps.as_ref().map(|taps| taps.taps().len()),
-        "highest_hz": surface.provenance.highest_hz(),
-        "n_per_mm": surface.stiffness.map(|stiffness| stiffness.n_per_mm()),
-        "inputs_sha256": surface.provenance.settings.get(INPUTS),
-    })
-}
-
-/// The surfaces to learn from a folder, by name. The files of one take count as one recording: of the
-/// toolkit's triples the first file stands for all three, and a WAV file stands for the table beside it. RON
-/// files beside recordings are notes and are skipped.
-fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
-    let mut takes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-    for path in listed(dir)? {
-        let file = path.file_name().unwrap_or_default().to_string_lossy();
-        let note = file.strip_suffix(".ron");
-        let file = note.unwrap_or(&file);
-        let parts = ["Accel_", "Position_", "Force_"];
-        let file = parts.iter().find_map(|part| file.strip_prefix(part)).unwrap_or(file);
-        let take = file.rsplit_once('.').map_or(file, |(take, _)| take).to_owned();
-        takes.entry(take).or_default().push(path);
-    }
-    let mut items: BTreeMap<String, Item> = BTreeMap::new();
-    for (take, files) in takes {
-        let of = |extension: &str| {
-            let is =
-                |path: &&PathBuf| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
-            files.iter().find(is)
-        };
-        let is_note = |path: &&PathBuf| path.extension() == Some(OsStr::new("ron"));
-        let Some(recording) = of("wav").or_else(|| files.iter().find(|path| !is_note(path))).cloned() else {
-            continue;
-        };
-        let name = match (by, RecordingName::parse(&format!("{take}."))) {
-            (By::File, _) => take,
-            (By::Material, Some(name)) => name.material,
-            (By::Material, None) => {
-                let path = recording.display();
-                eprint(&format!(
-                    "warning: skipped {path}: its name is not <material>.<person>.<take>.<extension>\n"
-                ));
-                continue;
+impl<'a> LearnedFolder<'a> {
+    fn of(
+        items: &[&'a Item],
+        outcomes: Vec<Outcome<Result<LearnedSurface<'a>, String>>>,
+        folder: &'a Path,
+    ) -> Self {
+        let mut learned = Self { failed: vec![], kept: 0, surfaces: vec![], missing: 0, folder };
+        for (item, outcome) in items.iter().zip(outcomes) {
+            learned.kept += usize::from(matches!(outcome, Outcome::Kept(_)));
+            match outcome {
+                Outcome::Kept(Ok(surface)) | Outcome::Computed(Ok(surface), _) => {
+                    learned.surfaces.push(surface);
+                }
+                Outcome::Kept(Err(whole)) | Outcome::Computed(Err(whole), _) => {
+                    let error = whole.trim_start_matches("error: ").trim_end().to_owned();
+                    let (recordings, surface) = (&item.recordings[..], &*item.name);
+                    learned.failed.push(FailedSurface { error, recordings, surface, whole });
+                }
+                Outcome::Absent => learned.missing += 1,
             }
+        }
+        learned
+    }
+
+    /// Warns of the surfaces that lack frequencies.
+    fn warn_of_narrow(&self) {
+        let narrow = self.surfaces.iter().filter(|surface| surface.highest_hz.is_some()).count();
+        if narrow > 0 {
+            eprint(&format!(
+                "warning: {narrow} of {} surfaces do not hold all frequencies that a hand feels; `haptograph surface show` says which\n",
+                self.surfaces.len()
+            ));
+        }
+    }
+
+    /// Prints on standard error what was not learned, and the numbers.
+    fn report(&self) {
+        if !self.failed.is_empty() {
+            // The whole error first, with its place in the file.
+            self.failed.iter().for_each(|one| eprint(&format!("{}\n", one.whole.trim_end())));
+            let row = |one: &FailedSurface<'_>| {
+                vec![one.surface.to_owned(), one.error.lines().next().unwrap_or_default().to_owned()]
+            };
+            let rows: Vec<_> = self.failed.iter().map(row).collect();
+            eprint(&format!("\n{}", table(&["not learned", "why"], &rows)));
+        }
+        let (kept, learned) = (self.kept, self.surfaces.len() - self.kept);
+        let folder = self.folder.display();
+        eprint(&format!("learned {learned} surfaces, kept {kept} existing ones: {folder}\n"));
+    }
+}
+
+impl CommandResult for LearnedFolder<'_> {
+    fn text(&self) -> String {
+        if self.surfaces.is_empty() {
+            return String::new();
+        }
+        let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
+        table(&header, &self.surfaces.iter().map(LearnedSurface::row).collect::<Vec<_>>())
+    }
+}
+
+/// The surfaces to learn from a folder, by name. The files of one take count as one recording.
+fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
+    let mut items: BTreeMap<String, Item> = BTreeMap::new();
+    for TakeFiles { take, recording, files } in take_files(dir)? {
+        let name = match by {
+            By::File => take,
+            By::Material => match recording_name(&take, &recording) {
+                Some(name) => name.material,
+                None => continue,
+            },
         };
         let item =
             items.entry(name.clone()).or_insert_with(|| Item { name, recordings: vec![], files: vec![] });
@@ -419,20 +449,6 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
         return Err(Failure::file("learn", dir, &"it contains no recording"));
     }
     Ok(items.into_values().collect())
-}
-
-/// The files of a folder by name, without hidden ones.
-fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
-    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
-    let mut paths: Vec<PathBuf> = entries
-        .into_iter()
-        .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
-        .map(|entry| entry.path())
-        .filter(|path| path.is_file() && !path.ends_with(LEDGER))
-        .collect();
-    paths.sort();
-    Ok(paths)
 }
 
 /// A hash over the names and contents of files, the settings and the version.

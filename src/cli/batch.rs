@@ -2,16 +2,17 @@
 
 use super::placing::{Force, Output, note_beside, replaceable};
 use super::progress::Progress;
-use super::{Failure, eprint, print, print_json, read_file, run, snippet};
+use super::result::{CommandResult, Written, show};
+use super::{Failure, eprint, print_json, read_file, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
-use crate::learning::batch::{self, Batch, PlanError, RenderSettings, Rendered, Shard};
+use crate::learning::batch::{self, Batch, PlanError, RenderSettings, Shard};
 use crate::nodes::sinks::wav::open_to_fit;
 use crate::signal::quantity::Quantity;
 use crate::signal::time::Rate;
 use clap::{ArgAction, Subcommand};
-use serde_json::json;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -96,24 +97,34 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let batch = Batch::load(plan).map_err(|error| shown(&error))?;
     match &arguments.output {
         Some(folder) if !arguments.check => render(arguments, &batch, folder),
-        _ => describe(arguments, &batch),
+        _ => {
+            let (bytes, chunks, jobs) = (batch.bytes(), batch.chunks(), batch.jobs());
+            let (motions, seconds, surfaces) =
+                (batch.motions().count(), batch.seconds(), batch.surfaces().len());
+            show(&Size { bytes, chunks, jobs, motions, seconds, surfaces }, arguments.json)
+        }
     }
 }
 
-/// Prints the size of the data set that a plan describes.
-fn describe(arguments: &Arguments, batch: &Batch) -> Result<(), Failure> {
-    let (jobs, chunks) = (batch.jobs(), batch.chunks());
-    let (surfaces, motions) = (batch.surfaces().len(), batch.motions().count());
-    let (seconds, bytes) = (batch.seconds(), batch.bytes());
-    if arguments.json {
-        return print_json(&json!({
-            "jobs": jobs, "chunks": chunks, "surfaces": surfaces, "motions": motions, "seconds": seconds, "bytes": bytes,
-        }));
+/// The size of the data set that a plan describes.
+#[derive(Serialize)]
+struct Size {
+    bytes: u64,
+    chunks: u64,
+    jobs: u64,
+    motions: usize,
+    seconds: f64,
+    surfaces: usize,
+}
+
+impl CommandResult for Size {
+    fn text(&self) -> String {
+        let Self { bytes, chunks, jobs, motions, seconds, surfaces } = self;
+        let mebibytes = *bytes as f64 / f64::from(1 << 20);
+        format!(
+            "{jobs} jobs in {chunks} chunks, {surfaces} surfaces along {motions} motions: {seconds:.0} s of signals, {mebibytes:.1} MiB\n"
+        )
     }
-    let mebibytes = bytes as f64 / f64::from(1 << 20);
-    print(&format!(
-        "{jobs} jobs in {chunks} chunks, {surfaces} surfaces along {motions} motions: {seconds:.0} s of signals, {mebibytes:.1} MiB\n"
-    ))
 }
 
 fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Failure> {
@@ -130,41 +141,71 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     for (path, why) in &done.replaced {
         eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
     }
-    if arguments.json {
-        print_json(&facts(&done, folder))?;
-    }
-    let Rendered { chunks, rendered, kept, .. } = done;
-    if done.was_stopped {
-        let missing = chunks - rendered - kept;
-        eprint(&format!(
-            "stopped with {missing} of {chunks} chunks missing; repeat the command to continue\n"
-        ));
-        return Err(Failure::Interrupted);
-    }
-    if arguments.json {
-        return Ok(());
-    }
-    let there = match kept {
-        0 => String::new(),
-        kept => format!(", kept {kept} existing ones"),
+    let rendered = RenderedFolder {
+        chunks: done.chunks,
+        complete: done.is_complete,
+        folder,
+        kept: done.kept,
+        rendered: done.rendered,
+        replaced: done.replaced.into_iter().map(|(path, _)| path).collect(),
+        stopped: done.was_stopped,
     };
-    let whole = match done.is_complete {
-        true => "the data set is complete",
-        false => "the other parts are missing",
-    };
-    print(&format!("rendered {rendered} of {chunks} chunks{there}; {whole}: {}\n", folder.display()))
+    if !done.was_stopped {
+        return show(&rendered, arguments.json);
+    }
+    if arguments.json {
+        print_json(&rendered)?;
+    }
+    let missing = done.chunks - done.rendered - done.kept;
+    eprint(&format!(
+        "stopped with {missing} of {} chunks missing; repeat the command to continue\n",
+        done.chunks
+    ));
+    Err(Failure::Interrupted)
 }
 
-fn facts(done: &Rendered, folder: &Path) -> serde_json::Value {
-    json!({
-        "chunks": done.chunks,
-        "rendered": done.rendered,
-        "kept": done.kept,
-        "replaced": done.replaced.iter().map(|(path, _)| path).collect::<Vec<_>>(),
-        "complete": done.is_complete,
-        "stopped": done.was_stopped,
-        "folder": folder,
-    })
+/// What was rendered into a folder.
+#[derive(Serialize)]
+struct RenderedFolder<'a> {
+    chunks: u64,
+    complete: bool,
+    folder: &'a Path,
+    kept: u64,
+    rendered: u64,
+    replaced: Vec<PathBuf>,
+    stopped: bool,
+}
+
+impl CommandResult for RenderedFolder<'_> {
+    fn text(&self) -> String {
+        let Self { chunks, rendered, .. } = self;
+        let there = match self.kept {
+            0 => String::new(),
+            kept => format!(", kept {kept} existing ones"),
+        };
+        let whole = match self.complete {
+            true => "the data set is complete",
+            false => "the other parts are missing",
+        };
+        format!("rendered {rendered} of {chunks} chunks{there}; {whole}: {}\n", self.folder.display())
+    }
+}
+
+/// A data set that was joined from parts.
+#[derive(Serialize)]
+struct MergedFolder<'a> {
+    chunks: u64,
+    folder: &'a Path,
+    jobs: u64,
+    #[serde(skip)]
+    parts: usize,
+}
+
+impl CommandResult for MergedFolder<'_> {
+    fn text(&self) -> String {
+        let Self { chunks, folder, jobs, parts } = self;
+        format!("merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n", folder.display())
+    }
 }
 
 fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
@@ -172,11 +213,8 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
     let merged = batch::merge(parts, output, &|part| progress.at(part));
     drop(progress);
     let merged = merged.map_err(|error| Failure::Message(error.to_string()))?;
-    if json {
-        return print_json(&json!({ "chunks": merged.chunks, "jobs": merged.jobs, "folder": output }));
-    }
-    let (parts, chunks, jobs) = (parts.len(), merged.chunks, merged.jobs);
-    print(&format!("merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n", output.display()))
+    let batch::Merged { chunks, jobs } = merged;
+    show(&MergedFolder { chunks, folder: output, jobs, parts: parts.len() }, json)
 }
 
 fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -> Result<(), Failure> {
@@ -201,10 +239,8 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
         progress.at((done + 1) as f64 / jobs.len() as f64);
     }
     drop(progress);
-    if json {
-        return print_json(&json!({ "written": written }));
-    }
-    print(&format!("wrote {} WAV files: {}\n", written.len(), folder.display()))
+    let text = format!("wrote {} WAV files: {}\n", written.len(), folder.display());
+    show(&Written::several(written, text), json)
 }
 
 /// Writes the vibration of a job and its note; returns the path of the WAV file.

@@ -2,18 +2,18 @@
 
 mod signal;
 
+use super::Failure;
 use super::import::{NamedColumn, Tables, named_column};
+use super::result::{CommandResult, show};
 use super::table::{facts, significant};
-use super::{Failure, print, print_json};
 use crate::engine::registry::Registry;
 use crate::learning::metrics::level::{
     envelope_between_seeds_db, envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db,
 };
-use crate::learning::metrics::spectral::Comparison;
 use crate::learning::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
 use crate::learning::recording::ImportSettings;
-use serde_json::{Value, json};
-use signal::Signal;
+use serde::Serialize;
+use signal::{Motion, Signal};
 use std::path::PathBuf;
 
 /// Compare two vibrations by third octaves and by windows
@@ -60,24 +60,51 @@ fn deviations(text: &str) -> Result<Deviations, String> {
     }
 }
 
-/// The measures of a pair of vibrations.
-struct Found {
-    windows: Comparison,
-    bands: BandErrors,
-    /// Excess kurtosis of both.
-    kurtosis: [f64; 2],
-    /// `None` if neither file has force and speed.
-    envelope: Option<Envelope>,
+/// The measures of a pair: those of windows under their names in the thesis and, like all other fields, in lower case.
+#[derive(Serialize)]
+struct Measures {
+    #[serde(rename = "NSE")]
+    thesis_nse: f64,
+    #[serde(rename = "PE")]
+    thesis_pe: f64,
+    #[serde(rename = "SD")]
+    thesis_sd: Option<f64>,
+    absolute_db: f64,
+    bands: Vec<BandError>,
+    /// Distance between the levels of two noises with the spectrum of a file.
+    envelope_between_seeds_db: Option<f64>,
+    /// Distance between the levels over 50 ms; `None` if neither file has force and speed.
+    envelope_db: Option<f64>,
+    envelope_reason: Option<&'static str>,
+    error_20_40_db: Option<f64>,
+    error_total_db: f64,
+    /// Of both.
+    excess_kurtosis: [f64; 2],
+    lsd_100_500_db: Option<f64>,
+    lsd_db: f64,
+    lsd_pacinian_db: f64,
+    misplaced: f64,
+    nse: f64,
+    pe: f64,
+    rate_hz: f64,
+    reason: Option<&'static str>,
     sd: Option<f64>,
+    simulated: bool,
+    /// The part of a file's own levels that its force and speed do not explain.
+    unexplained_level_db: Option<f64>,
+    windows: usize,
+    /// Samples of a window.
+    #[serde(skip)]
+    samples: usize,
+    /// The files that are simulated.
+    #[serde(skip)]
+    simulated_files: Option<String>,
 }
 
-/// Distance between the levels over 50 ms, dB, with its references.
-struct Envelope {
+#[derive(Serialize)]
+struct BandError {
+    centre_hz: f64,
     error_db: f64,
-    /// The part of a file's own levels that its force and speed do not explain.
-    unexplained_db: f64,
-    /// Distance between the levels of two noises with the spectrum of that file.
-    between_seeds_db: f64,
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -93,19 +120,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     };
     let motions = [a.motion_at(rate_hz)?, b.motion_at(rate_hz)?];
     let (a, b) = (a.at(rate_hz)?, b.at(rate_hz)?);
-    let windows = windows(arguments, rate_hz);
-    let mut found = found(arguments, &a, &b, rate_hz, &windows)?;
-    found.envelope = envelope([&a, &b], &motions, rate_hz);
-    if arguments.json {
-        return print_json(&to_json(&found, rate_hz, simulated.is_some()));
-    }
-    let mut shown = describe(&found);
-    shown.push((
-        "windows",
-        format!("{} of {} samples at {rate_hz} Hz", found.windows.windows, windows.samples),
-    ));
-    shown.extend(simulated.map(|which| ("simulated", which)));
-    print(&facts(&shown))
+    let mut measures = measures(arguments, [&a, &b], &motions, rate_hz)?;
+    measures.simulated = simulated.is_some();
+    measures.simulated_files = simulated;
+    show(&measures, arguments.json)
 }
 
 /// The named column, if any, and the import settings of tables.
@@ -132,110 +150,99 @@ fn windows(arguments: &Arguments, rate_hz: f64) -> WindowSettings {
     WindowSettings { samples, overlap: arguments.overlap.unwrap_or(samples / 2), ..usual }
 }
 
-fn found(
+fn measures(
     arguments: &Arguments,
-    a: &[f64],
-    b: &[f64],
+    [a, b]: [&[f64]; 2],
+    motions: &[Motion; 2],
     rate_hz: f64,
-    windows: &WindowSettings,
-) -> Result<Found, Failure> {
-    let compared = compare(a, b, rate_hz, windows).map_err(|error| {
+) -> Result<Measures, Failure> {
+    let settings = windows(arguments, rate_hz);
+    let windows = compare(a, b, rate_hz, &settings).map_err(|error| {
         let (a, b) = (arguments.a.display(), arguments.b.display());
         Failure::Message(format!("cannot compare {a} and {b}: {error}"))
     })?;
     let both = a.len().min(b.len());
     let (a, b) = (&a[..both], &b[..both]);
     let bands = Bands::counted(both as f64 / rate_hz, rate_hz);
-    Ok(Found {
-        windows: compared,
-        bands: BandErrors::new(&bands.of_signal([a], rate_hz), &bands.of_signal([b], rate_hz)),
-        kurtosis: [a, b].map(excess_kurtosis),
-        envelope: None,
-        sd: arguments.deviations.map(|by| compared.nse / by.nse + compared.pe / by.pe),
+    let errors = BandErrors::new(&bands.of_signal([a], rate_hz), &bands.of_signal([b], rate_hz));
+    let by_band = errors.bands.as_slice().iter().zip(&errors.signed_db);
+    let references = level_references([a, b], motions, rate_hz);
+    let sd = arguments.deviations.map(|by| windows.nse / by.nse + windows.pe / by.pe);
+    Ok(Measures {
+        thesis_nse: windows.nse,
+        thesis_pe: windows.pe,
+        thesis_sd: sd,
+        absolute_db: errors.absolute_db,
+        bands: by_band.map(|(band, db)| BandError { centre_hz: band.centre_hz, error_db: *db }).collect(),
+        envelope_between_seeds_db: references.map(|(_, between_seeds_db)| between_seeds_db),
+        envelope_db: references.map(|_| envelope_error_db(&levels_db(a, rate_hz), &levels_db(b, rate_hz))),
+        envelope_reason: references.is_none().then_some(NO_ENVELOPE),
+        error_20_40_db: errors.low_db,
+        error_total_db: errors.total_db,
+        excess_kurtosis: [a, b].map(excess_kurtosis),
+        lsd_100_500_db: errors.middle_lsd_db,
+        lsd_db: errors.lsd_db,
+        lsd_pacinian_db: errors.pacinian_lsd_db,
+        misplaced: errors.misplaced,
+        nse: windows.nse,
+        pe: windows.pe,
+        rate_hz,
+        reason: sd.is_none().then_some(NO_SD),
+        sd,
+        simulated: false,
+        unexplained_level_db: references.map(|(unexplained_db, _)| unexplained_db),
+        windows: windows.windows,
+        samples: settings.samples,
+        simulated_files: None,
     })
 }
 
-/// The difference of levels beside its references, which are those of the second vibration, or else of the first.
-fn envelope(signals: [&[f64]; 2], motions: &[Option<[Vec<f64>; 2]>; 2], rate_hz: f64) -> Option<Envelope> {
-    let both = signals[0].len().min(signals[1].len());
-    let [a, b] = signals.map(|signal| &signal[..both]);
-    let of = |signal: &[f64], motion: &Option<[Vec<f64>; 2]>| {
-        let [speed_m_s, force_n] = motion.as_ref()?;
-        let unexplained_db = unexplained_level_db(signal, &speed_m_s[..both], &force_n[..both], rate_hz)?;
+/// Two references of the difference of levels, of the second vibration, or else of the first: the part of its levels that
+/// force and speed do not explain, and the difference between two noises of its spectrum.
+fn level_references([a, b]: [&[f64]; 2], motions: &[Motion; 2], rate_hz: f64) -> Option<(f64, f64)> {
+    let of = |signal: &[f64], motion: &Motion| {
+        let [speed_m_s, force_n] = motion.as_ref()?.each_ref().map(|values| &values[..signal.len()]);
+        let unexplained_db = unexplained_level_db(signal, speed_m_s, force_n, rate_hz)?;
         Some((unexplained_db, envelope_between_seeds_db(signal, rate_hz)))
     };
-    let (unexplained_db, between_seeds_db) = of(b, &motions[1]).or_else(|| of(a, &motions[0]))?;
-    Some(Envelope {
-        error_db: envelope_error_db(&levels_db(a, rate_hz), &levels_db(b, rate_hz)),
-        unexplained_db,
-        between_seeds_db,
-    })
+    of(b, &motions[1]).or_else(|| of(a, &motions[0]))
 }
 
 const NO_ENVELOPE: &str =
     "neither file is a recording of 0.2 s or more with force and speed, beside which it could be read";
 const NO_SD: &str = "not computed: it needs the deviations of a study; give them by --deviations";
 
-fn describe(found: &Found) -> Vec<(&'static str, String)> {
-    let db = |value: Option<f64>| {
-        value.map_or_else(|| "none: no band to compare".to_owned(), |x| format!("{x:.2} dB"))
-    };
-    let any = |value: f64| (!found.bands.bands.is_empty()).then_some(value);
-    let bands = &found.bands;
-    vec![
-        ("log-spectral distance, 20 to 1000 Hz", db(any(bands.lsd_db))),
-        ("  100 to 500 Hz", db(bands.middle_lsd_db)),
-        ("  40 to 250 Hz (felt)", db(any(bands.pacinian_lsd_db))),
-        ("mean absolute error of bands", db(any(bands.absolute_db))),
-        ("error from 20 to 40 Hz", db(bands.low_db)),
-        ("error of the total power", db(any(bands.total_db))),
-        ("energy in the wrong of nine bands", format!("{:.1} %", 100.0 * bands.misplaced)),
-        ("excess kurtosis", format!("{:.2} and {:.2}", found.kurtosis[0], found.kurtosis[1])),
-        (
-            "levels over 50 ms",
-            found.envelope.as_ref().map_or_else(
-                || format!("none: {NO_ENVELOPE}"),
-                |levels| {
-                    format!(
-                        "{:.2} dB (force and speed leave {:.2}, two noises {:.2})",
-                        levels.error_db, levels.unexplained_db, levels.between_seeds_db
-                    )
-                },
-            ),
-        ),
-        ("normalized spectral error (NSE)", significant(found.windows.nse, 4)),
-        ("power error (PE)", significant(found.windows.pe, 4)),
-        (
-            "spectral difference (SD)",
-            found.sd.map_or_else(|| format!("none: {NO_SD}"), |sd| significant(sd, 4)),
-        ),
-    ]
-}
-
-/// The measures: those of windows under their names in the thesis and, like all other fields, in lower case.
-fn to_json(found: &Found, rate_hz: f64, simulated: bool) -> Value {
-    let bands = &found.bands;
-    let by_band = bands.bands.as_slice().iter().zip(&bands.signed_db);
-    let levels = |value: fn(&Envelope) -> f64| found.envelope.as_ref().map(value);
-    json!({
-        "NSE": found.windows.nse, "PE": found.windows.pe, "SD": found.sd,
-        "nse": found.windows.nse, "pe": found.windows.pe, "sd": found.sd,
-        "reason": if found.sd.is_none() { Some(NO_SD) } else { None },
-        "lsd_db": bands.lsd_db,
-        "lsd_100_500_db": bands.middle_lsd_db,
-        "lsd_pacinian_db": bands.pacinian_lsd_db,
-        "absolute_db": bands.absolute_db,
-        "error_20_40_db": bands.low_db,
-        "error_total_db": bands.total_db,
-        "misplaced": bands.misplaced,
-        "bands": by_band.map(|(band, db)| json!({ "centre_hz": band.centre_hz, "error_db": db })).collect::<Vec<_>>(),
-        "excess_kurtosis": found.kurtosis,
-        "envelope_db": levels(|levels| levels.error_db),
-        "unexplained_level_db": levels(|levels| levels.unexplained_db),
-        "envelope_between_seeds_db": levels(|levels| levels.between_seeds_db),
-        "envelope_reason": if found.envelope.is_none() { Some(NO_ENVELOPE) } else { None },
-        "rate_hz": rate_hz,
-        "windows": found.windows.windows,
-        "simulated": simulated,
-    })
+impl CommandResult for Measures {
+    fn text(&self) -> String {
+        let db = |value: Option<f64>| {
+            value.map_or_else(|| "none: no band to compare".to_owned(), |x| format!("{x:.2} dB"))
+        };
+        let any = |value: f64| db((!self.bands.is_empty()).then_some(value));
+        let number = |value: f64| significant(value, 4);
+        let levels = match (self.envelope_db, self.unexplained_level_db, self.envelope_between_seeds_db) {
+            (Some(error), Some(left), Some(noises)) => {
+                format!("{error:.2} dB (force and speed leave {left:.2}, two noises {noises:.2})")
+            }
+            _ => format!("none: {NO_ENVELOPE}"),
+        };
+        let [a, b] = self.excess_kurtosis;
+        let windows = format!("{} of {} samples at {} Hz", self.windows, self.samples, self.rate_hz);
+        let mut shown = vec![
+            ("log-spectral distance, 20 to 1000 Hz", any(self.lsd_db)),
+            ("  100 to 500 Hz", db(self.lsd_100_500_db)),
+            ("  40 to 250 Hz (felt)", any(self.lsd_pacinian_db)),
+            ("mean absolute error of bands", any(self.absolute_db)),
+            ("error from 20 to 40 Hz", db(self.error_20_40_db)),
+            ("error of the total power", any(self.error_total_db)),
+            ("energy in the wrong of nine bands", format!("{:.1} %", 100.0 * self.misplaced)),
+            ("excess kurtosis", format!("{a:.2} and {b:.2}")),
+            ("levels over 50 ms", levels),
+            ("normalized spectral error (NSE)", number(self.nse)),
+            ("power error (PE)", number(self.pe)),
+            ("spectral difference (SD)", self.sd.map_or_else(|| format!("none: {NO_SD}"), number)),
+            ("windows", windows),
+        ];
+        shown.extend(self.simulated_files.clone().map(|which| ("simulated", which)));
+        facts(&shown)
+    }
 }

@@ -2,10 +2,10 @@
 
 use super::import::{Import, Touch};
 use super::placing::{Force, Output};
-use super::{Failure, eprint, print, print_json, recording, refuse_overwrite};
+use super::result::{Written, show};
+use super::{Failure, eprint, recording, refuse_overwrite};
 use crate::engine::registry::Registry;
 use crate::learning::recording::{Gesture, contents, file_names};
-use serde_json::json;
 use std::path::PathBuf;
 
 /// Convert a recording between haptograph's archive, tables and the toolkit's (HaTT) XML
@@ -50,12 +50,8 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         ));
     }
     let contents = contents(&loaded.recording, &arguments.output).map_err(|error| failed(&error))?;
-    let mut written = vec![];
-    for (output, bytes) in outputs.iter().zip(contents) {
-        written.push(output.write(bytes)?);
-    }
-    if arguments.json {
-        return print_json(&json!({ "written": written }));
-    }
-    written.iter().try_for_each(|path| print(&format!("wrote {}\n", path.display())))
+    let written = outputs.iter().zip(contents).map(|(output, bytes)| output.write(bytes));
+    let written = written.collect::<Result<Vec<PathBuf>, Failure>>()?;
+    let text = written.iter().map(|path| format!("wrote {}\n", path.display())).collect();
+    show(&Written::several(written, text), arguments.json)
 }

@@ -83,5 +83,5 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_inputs(&graph, path)?;
     let output = Output::claim(path, arguments.force)?;
     let picture = draw(&graph, &arguments.graph.name());
-    show(&Written::new(&output.write(&picture)?, String::new()), arguments.json)
+    show(&Written::new(output.write(&picture)?, ""), arguments.json)
 }

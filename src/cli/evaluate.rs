@@ -3,24 +3,27 @@
 mod holdout;
 mod takes;
 
-pub(super) use takes::list_takes;
 use takes::read_takes;
+pub(super) use takes::{TakeFiles, list_takes, listed, recording_name, take_files};
 
 use super::import::Import;
 use super::placing::{Force, Output};
 use super::progress::Progress;
+use super::result::{CommandResult, show};
 use super::table::{facts, significant, table};
-use super::{Failure, eprint, learn as learning, print, print_json};
+use super::{Failure, eprint, learn as learning};
 use crate::engine::registry::Registry;
 use crate::learning::evaluate::{
-    ConditionLoss, DifferenceTable, Evaluation, HoldoutSettings, Study, StudyError, StudySettings, TakeSource,
+    ConditionLoss, DifferenceTable, Evaluation, HoldoutSettings, PerceptualMap, Study, StudyError,
+    StudySettings, TakeSource,
 };
 use crate::learning::learn::{LearnSettings, learn};
 use crate::learning::metrics::Pooling;
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings};
 use crate::surfaces::Origin;
 use clap::ValueEnum;
-use serde_json::json;
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -94,11 +97,8 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         Some(page) => Some(write_report(page, arguments, &takes, &found)?),
         None => None,
     };
-    if arguments.json {
-        return print_json(&to_json(&found, takes.iter().any(is_simulated)));
-    }
-    print(&describe(&found))?;
-    conclude(&takes, page)
+    let simulated = takes.iter().filter(|take| is_simulated(*take)).count();
+    show(&Tables { found, simulated, recordings: takes.len(), page }, arguments.json)
 }
 
 fn run_holdout(arguments: &Arguments, page: Option<&Output>, import: &ImportSettings) -> Result<(), Failure> {
@@ -111,32 +111,22 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, import: &ImportSett
     };
     let found = holdout::found(arguments.dir(), takes, &settings)?;
     let contact = holdout::contacts(takes, &settings.processing);
-    let simulated = takes.iter().any(is_simulated);
-    let title = title(arguments.dir());
-    let page = page
-        .map(|page| page.write(&crate::report::holdout::page(&title, &found, &contact, simulated)))
-        .transpose()?;
-    if arguments.json {
-        return print_json(&holdout::to_json(&found, &contact, simulated));
-    }
-    print(&holdout::describe(&found))?;
-    print(&holdout::describe_contact(&contact))?;
-    conclude(takes, page)
-}
-
-/// Prints how many recordings are simulated, and the path of the page.
-fn conclude(takes: &[impl TakeSource], page: Option<PathBuf>) -> Result<(), Failure> {
     let simulated = takes.iter().filter(|take| is_simulated(*take)).count();
-    print_simulated(simulated, takes.len())?;
-    page.map_or(Ok(()), |page| print(&format!("\nlook at {}\n", page.display())))
+    let title = title(arguments.dir());
+    let html =
+        |output: &Output| output.write(crate::report::holdout::page(&title, &found, &contact, simulated > 0));
+    let (page, recordings) = (page.map(html).transpose()?, takes.len());
+    show(&holdout::HeldOut { found, contact, simulated, recordings, page }, arguments.json)
 }
 
-/// Prints how many recordings are simulated, if any.
-pub(super) fn print_simulated(simulated: usize, of: usize) -> Result<(), Failure> {
-    match simulated {
-        0 => Ok(()),
-        _ => print(&format!("\n{simulated} of {of} recordings are simulated\n")),
-    }
+/// The last lines: how many recordings are simulated, if any, and the page.
+fn conclusion(simulated: usize, recordings: usize, page: Option<&PathBuf>) -> String {
+    let simulated = match simulated {
+        0 => String::new(),
+        _ => format!("\n{simulated} of {recordings} recordings are simulated\n"),
+    };
+    let page = page.map_or_else(String::new, |page| format!("\nlook at {}\n", page.display()));
+    simulated + &page
 }
 
 fn title(dir: &Path) -> String {
@@ -211,7 +201,22 @@ pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
     settings
 }
 
-pub(super) fn describe(found: &Evaluation) -> String {
+/// The tables and the map of a study.
+pub(super) struct Tables {
+    pub found: Evaluation,
+    /// Number of simulated recordings.
+    pub simulated: usize,
+    pub recordings: usize,
+    pub page: Option<PathBuf>,
+}
+
+impl CommandResult for Tables {
+    fn text(&self) -> String {
+        describe(&self.found) + &conclusion(self.simulated, self.recordings, self.page.as_ref())
+    }
+}
+
+fn describe(found: &Evaluation) -> String {
     let mut text = format!(
         "Spectral difference between virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
          [own material]  * smallest of its row and column\n\n",
@@ -256,7 +261,7 @@ pub(super) fn describe(found: &Evaluation) -> String {
     }
     text += &losses(&found.losses);
     if found.centre.is_some() {
-        text += &format!("\n{}", facts(&[centre(found.centre)]));
+        text += &format!("\n{}", facts(&[Centre::fact(found.centre.map(Centre::from).as_ref())]));
     }
     text
 }
@@ -283,23 +288,29 @@ fn losses(losses: &[ConditionLoss]) -> String {
     )
 }
 
-/// The centre of a set of surfaces (thesis 4.5.2), as a line of facts.
-pub(super) fn centre(centre: Option<(f64, f64)>) -> (&'static str, String) {
-    let shown = centre.map_or_else(
-        || "none: no measured models".to_owned(),
-        |(speed_m_s, force_n)| {
-            let (speed, force) = (significant(1000.0 * speed_m_s, 3), significant(force_n, 3));
-            format!("{speed} mm/s, {force} N")
-        },
-    );
-    ("mean of the measured models up to 2.75 N", shown)
+/// The centre of a set of surfaces (thesis 4.5.2).
+#[derive(Debug, Serialize)]
+pub(super) struct Centre {
+    force_n: f64,
+    speed_mm_s: f64,
 }
 
-pub(super) fn centre_json(centre: Option<(f64, f64)>) -> serde_json::Value {
-    centre.map_or(
-        serde_json::Value::Null,
-        |(speed_m_s, force_n)| json!({ "speed_mm_s": 1000.0 * speed_m_s, "force_n": force_n }),
-    )
+impl From<(f64, f64)> for Centre {
+    fn from((speed_m_s, force_n): (f64, f64)) -> Self {
+        Self { force_n, speed_mm_s: 1000.0 * speed_m_s }
+    }
+}
+
+impl Centre {
+    /// A line of facts.
+    pub fn fact(centre: Option<&Self>) -> (&'static str, String) {
+        let number = |value| significant(value, 3);
+        let shown = centre.map_or_else(
+            || "none: no measured models".to_owned(),
+            |at| format!("{} mm/s, {} N", number(at.speed_mm_s), number(at.force_n)),
+        );
+        ("mean of the measured models up to 2.75 N", shown)
+    }
 }
 
 /// The smallest difference between a texture's own material and its nearest other material, with both names.
@@ -363,48 +374,61 @@ fn people_table(differences: &DifferenceTable) -> String {
     table(&header, &rows)
 }
 
-pub(super) fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value {
-    let materials = |table: &DifferenceTable| {
+impl Serialize for Tables {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let found = &self.found;
         json!({
-            "rows": table.rows,
-            "columns": table.columns,
-            "sd": table.differences,
-            "diagonal": table.diagonal(),
-            "baseline": table.baseline(),
-            "diagonal_is_least": table.diagonal_is_least(),
-            "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
+            "materials": found.materials,
+            "people": found.people,
+            "expert": found.expert,
+            "simulated": self.simulated > 0,
+            "table": table_json(&found.materials_table),
+            "tables": {
+                "pooled_over_pair": table_json(&found.materials_table.pooled(Pooling::Pair)),
+                "pooled_over_all": table_json(&found.materials_table.pooled(Pooling::All)),
+            },
+            "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
+            "map": found.map.as_ref().map(map_json),
+            "losses": found.losses.iter().map(loss_json).collect::<Vec<_>>(),
+            "centre": found.centre.map(Centre::from),
         })
-    };
+        .serialize(serializer)
+    }
+}
+
+fn table_json(table: &DifferenceTable) -> Value {
     json!({
-        "materials": found.materials,
-        "people": found.people,
-        "expert": found.expert,
-        "simulated": simulated,
-        "table": materials(&found.materials_table),
-        "tables": {
-            "pooled_over_pair": materials(&found.materials_table.pooled(Pooling::Pair)),
-            "pooled_over_all": materials(&found.materials_table.pooled(Pooling::All)),
-        },
-        "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
-        "map": found.map.as_ref().map(|map| json!({
-            "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
-            "places": map.scaling.places,
-            "stress": map.scaling.stress,
-            "r_squared": map.scaling.r_squared,
-            "k_means": map.k_means,
-            "k_means_purity": map.k_means_purity,
-            "hierarchical_purity": map.tree_purity,
-            "power": map.power,
-            "spectral_centroid_hz": map.spectral_centroid_hz,
-            "angle_deg": map.angle_deg,
-        })),
-        "losses": found.losses.iter().map(|one| json!({
-            "texture": one.surface,
-            "condition": one.condition.symbol(),
-            "power_m2_s4": one.loss.power,
-            "spectral_centroid_hz": one.loss.centroid_hz,
-            "sd_x": one.difference,
-        })).collect::<Vec<_>>(),
-        "centre": centre_json(found.centre),
+        "rows": table.rows,
+        "columns": table.columns,
+        "sd": table.differences,
+        "diagonal": table.diagonal(),
+        "baseline": table.baseline(),
+        "diagonal_is_least": table.diagonal_is_least(),
+        "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
+    })
+}
+
+fn map_json(map: &PerceptualMap) -> Value {
+    json!({
+        "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+        "places": map.scaling.places,
+        "stress": map.scaling.stress,
+        "r_squared": map.scaling.r_squared,
+        "k_means": map.k_means,
+        "k_means_purity": map.k_means_purity,
+        "hierarchical_purity": map.tree_purity,
+        "power": map.power,
+        "spectral_centroid_hz": map.spectral_centroid_hz,
+        "angle_deg": map.angle_deg,
+    })
+}
+
+fn loss_json(one: &ConditionLoss) -> Value {
+    json!({
+        "texture": one.surface,
+        "condition": one.condition.symbol(),
+        "power_m2_s4": one.loss.power,
+        "spectral_centroid_hz": one.loss.centroid_hz,
+        "sd_x": one.difference,
     })
 }

@@ -2,16 +2,18 @@
 
 use super::import::Import;
 use super::placing::{Force, Output};
-use super::{Failure, eprint, print, recording};
+use super::result::{CommandResult, look_at, show};
+use super::{Failure, eprint, recording};
 use crate::engine::registry::Registry;
 use crate::engine::settings::Setting;
 use crate::learning::recording::load_sweep;
-use crate::nodes::actuators::identify::{Identified, Known, Sweep, identify};
+use crate::nodes::actuators::identify::{Known, Sweep, identify};
 use crate::nodes::simulated::haptuator::TwoMassSettings;
 use crate::report::identification;
 use crate::report::page::Simulation;
 use crate::signal::units::{Grams, NewtonsPerMillimetre};
 use clap::ArgGroup;
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -94,77 +96,88 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let found = identify(&sweep, arguments.known())
         .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
     let simulated = recording::is_simulated(&arguments.recording)?;
-    let page = page.map(|page| page.write(&show(arguments, &found, simulated)));
-    let page = page.transpose()?;
-    if arguments.json {
-        return print(&as_json(&found, simulated));
-    }
-    let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    print(&(as_text(&found, simulated) + &looked))
-}
-
-/// The page, as HTML.
-fn show(arguments: &Arguments, found: &Identified, simulated: bool) -> String {
     let simulation = match simulated {
         true => Simulation::Whole("The recording is of a simulated actuator.".to_owned()),
         false => Simulation::None,
     };
-    identification::page(&arguments.recording.display().to_string(), found, &simulation)
-}
-
-fn as_text(found: &Identified, simulated: bool) -> String {
-    let [high, low] = found.modes;
-    let mut text = format!(
-        "resonances {:.1} Hz (Q {:.2}) and {:.1} Hz (Q {:.2})\n\
-         gain above them {:.1} m/s2 per A, delay {:.2} ms; {:.2} % of the power in the band is left unexplained\n",
-        high.frequency_hz,
-        high.q,
-        low.frequency_hz,
-        low.q,
-        found.response.gain,
-        found.delay_s * 1e3,
-        found.unexplained * 100.0,
-    );
-    if simulated {
-        text += "of a simulated actuator\n";
-    }
-    text += &match found.parameters {
-        Some(model) => format!(
-            "\nfor DynamicCompensator(model: ...):\n\n{}\n",
-            rounded(TwoMassSettings::from(model)).show()
-        ),
-        None => "\nwith --magnet-g and --body-g (or --force-n-per-a) the masses, springs and dampers are determined too\n".to_owned(),
+    let name = arguments.recording.display().to_string();
+    let page = page.map(|page| page.write(identification::page(&name, &found, &simulation))).transpose()?;
+    let fit = Fit {
+        delay_s: found.delay_s,
+        gain_m_s2_per_a: found.response.gain,
+        parameters: found.parameters.map(|model| parameters(&model.into())),
+        resonances: found.modes.map(|mode| Resonance { frequency_hz: mode.frequency_hz, q: mode.q }),
+        simulated,
+        unexplained: found.unexplained,
+        model: found.parameters.map(TwoMassSettings::from),
+        page,
     };
-    text
+    show(&fit, arguments.json)
 }
 
-fn as_json(found: &Identified, simulated: bool) -> String {
-    let modes: Vec<Value> =
-        found.modes.iter().map(|mode| json!({ "frequency_hz": mode.frequency_hz, "q": mode.q })).collect();
-    let parameters = found.parameters.map(TwoMassSettings::from).map(|p| {
-        json!({
-            "force_n_per_a": p.force_n_per_a,
-            "magnet_g": p.magnet_g.0,
-            "suspension_n_per_mm": p.suspension_n_per_mm.0,
-            "suspension_n_s_per_m": p.suspension_n_s_per_m,
-            "body_g": p.body_g.0,
-            "hand_n_per_mm": p.hand_n_per_mm.0,
-            "hand_n_s_per_m": p.hand_n_s_per_m,
-        })
-    });
-    let all = json!({
-        "resonances": modes,
-        "gain_m_s2_per_a": found.response.gain,
-        "delay_s": found.delay_s,
-        "unexplained": found.unexplained,
-        "parameters": parameters,
-        "simulated": simulated,
-    });
-    format!("{all:#}\n")
+/// An actuator fitted to a recording.
+#[derive(Serialize)]
+struct Fit {
+    delay_s: f64,
+    gain_m_s2_per_a: f64,
+    parameters: Option<Value>,
+    /// The higher first.
+    resonances: [Resonance; 2],
+    simulated: bool,
+    unexplained: f64,
+    #[serde(skip)]
+    model: Option<TwoMassSettings>,
+    #[serde(skip)]
+    page: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Resonance {
+    frequency_hz: f64,
+    q: f64,
+}
+
+fn parameters(model: &TwoMassSettings) -> Value {
+    json!({
+        "force_n_per_a": model.force_n_per_a,
+        "magnet_g": model.magnet_g.0,
+        "suspension_n_per_mm": model.suspension_n_per_mm.0,
+        "suspension_n_s_per_m": model.suspension_n_s_per_m,
+        "body_g": model.body_g.0,
+        "hand_n_per_mm": model.hand_n_per_mm.0,
+        "hand_n_s_per_m": model.hand_n_s_per_m,
+    })
+}
+
+impl CommandResult for Fit {
+    const INDENTED: bool = true;
+
+    fn text(&self) -> String {
+        let [high, low] = &self.resonances;
+        let mut text = format!(
+            "resonances {:.1} Hz (Q {:.2}) and {:.1} Hz (Q {:.2})\n\
+             gain above them {:.1} m/s2 per A, delay {:.2} ms; {:.2} % of the power in the band is left unexplained\n",
+            high.frequency_hz,
+            high.q,
+            low.frequency_hz,
+            low.q,
+            self.gain_m_s2_per_a,
+            self.delay_s * 1e3,
+            self.unexplained * 100.0,
+        );
+        if self.simulated {
+            text += "of a simulated actuator\n";
+        }
+        text += &match &self.model {
+            Some(model) => format!("\nfor DynamicCompensator(model: ...):\n\n{}\n", rounded(model).show()),
+            None => "\nwith --magnet-g and --body-g (or --force-n-per-a) the masses, springs and dampers are determined too\n".to_owned(),
+        };
+        text + &look_at(self.page.as_ref())
+    }
 }
 
 /// Rounds to four digits, beyond the accuracy of a recording.
-fn rounded(p: TwoMassSettings) -> TwoMassSettings {
+fn rounded(p: &TwoMassSettings) -> TwoMassSettings {
     let round = |value: f64| {
         let scale = 10_f64.powf(3.0 - value.abs().log10().floor());
         (value * scale).round() / scale

@@ -7,7 +7,9 @@ use super::import::{Import, Touch, positive};
 use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
-use super::{Failure, eprint, print, print_json, recording, refuse_overwrite, segment, surface};
+use super::result::{CommandResult, look_at, show};
+use super::table::facts;
+use super::{Failure, eprint, recording, refuse_overwrite, segment, surface};
 use crate::engine::registry::Registry;
 use crate::learning::learn::law::LawSettings;
 use crate::learning::learn::segmentation::SegmentationSettings;
@@ -15,8 +17,10 @@ use crate::learning::learn::texture::{CoefficientFit, TextureSettings};
 use crate::learning::learn::{LearnError, LearnSettings, TextureMethod, learn};
 use crate::learning::processing::{AxisReduction, ProcessingSettings};
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings};
+use crate::surfaces::Surface;
 use clap::ValueEnum;
-use serde_json::json;
+use serde::Serialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Learn a surface from recordings
@@ -252,11 +256,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let (mut learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &files, &recordings)))?;
     drop(progress);
-    for (index, (path, _)) in files.iter().enumerate() {
-        // Without the folder, so that the same recordings give the same surface wherever they lie.
-        let file = path.file_name().unwrap_or_default().to_string_lossy();
-        learned.provenance = learned.provenance.with_setting(format!("recording {} file", index + 1), file);
-    }
+    note_files(&mut learned, &files);
     let output = surface::save(&learned, &output)?;
     let missing = report.missing.iter();
     let missing = missing.map(|missing| {
@@ -268,18 +268,47 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         eprint(&format!("warning: {said}\n"));
         warnings.push(said);
     }
-    let page = page.map(|page| page.write(&crate::report::learning::page(&learned, &report)));
-    let page = page.transpose()?;
-    if arguments.json {
-        let recordings = recordings.len();
-        let coverage = summary::coverage(&learned, &report, is_implausible);
-        return print_json(&json!({
-            "written": [output], "page": page, "name": name, "recordings": recordings,
-            "coverage": coverage, "warnings": warnings,
-        }));
+    let page = page.map(|page| page.write(crate::report::learning::page(&learned, &report))).transpose()?;
+    let learned = Learned {
+        coverage: summary::coverage(&learned, &report, is_implausible),
+        name,
+        page,
+        recordings: recordings.len(),
+        warnings,
+        facts: summary::facts_of(&learned, &report, is_implausible),
+        written: [output],
+    };
+    show(&learned, arguments.json)
+}
+
+/// A surface learned from recordings.
+#[derive(Serialize)]
+struct Learned<'a> {
+    coverage: Option<Value>,
+    name: &'a str,
+    page: Option<PathBuf>,
+    recordings: usize,
+    warnings: Vec<String>,
+    written: [PathBuf; 1],
+    #[serde(skip)]
+    facts: Vec<(&'static str, String)>,
+}
+
+impl CommandResult for Learned<'_> {
+    fn text(&self) -> String {
+        let facts = facts(&self.facts);
+        format!("wrote {}\n{facts}{}", self.written[0].display(), look_at(self.page.as_ref()))
     }
-    let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    print(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
+}
+
+/// States the files of the recordings in a surface, without their folder: the same recordings give the same surface
+/// wherever they lie.
+pub(super) fn note_files(surface: &mut Surface, files: &[(&Path, Option<Gesture>)]) {
+    for (index, (path, _)) in files.iter().enumerate() {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = format!("recording {} file", index + 1);
+        surface.provenance = surface.provenance.clone().with_setting(name, file);
+    }
 }
 
 /// Refuses one surface of a folder, whose recordings are learned into a folder.

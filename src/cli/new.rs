@@ -30,5 +30,5 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let shown = path.display();
     let advice =
         format!("\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n");
-    show(&Written::new(path, advice), arguments.json)
+    show(&Written::new(path.clone(), &advice), arguments.json)
 }

@@ -2,39 +2,59 @@
 
 use super::{Failure, print, print_json};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A result. Its fields are the keys of its JSON, in alphabetical order.
 pub trait CommandResult: Serialize {
+    /// True if its JSON has a line for each value.
+    const INDENTED: bool = false;
+
     /// The text for a terminal.
     fn text(&self) -> String;
 }
 
-/// Prints a result as text, or with `--json` as one line of JSON.
-pub fn show(result: &impl CommandResult, json: bool) -> Result<(), Failure> {
+/// Prints a result as text, or with `--json` as JSON.
+pub fn show<R: CommandResult>(result: &R, json: bool) -> Result<(), Failure> {
     match json {
+        true if R::INDENTED => print(&indented(result)),
         true => print_json(result),
         false => print(&result.text()),
     }
 }
 
-/// The file that a command wrote.
+/// JSON with a line for each value.
+pub fn indented(result: &impl Serialize) -> String {
+    // No result has keys that are not text.
+    serde_json::to_string_pretty(result).unwrap_or_default() + "\n"
+}
+
+/// The last line of a result with a page.
+pub fn look_at(page: Option<&PathBuf>) -> String {
+    page.map_or_else(String::new, |page| format!("look at {}\n", page.display()))
+}
+
+/// The files that a command wrote.
 #[derive(Debug, Serialize)]
 pub struct Written {
-    written: [PathBuf; 1],
-    /// What can be done with it.
+    written: Vec<PathBuf>,
+    /// What the text says of them.
     #[serde(skip)]
-    advice: String,
+    text: String,
 }
 
 impl Written {
-    pub fn new(path: &Path, advice: String) -> Self {
-        Self { written: [path.to_owned()], advice }
+    /// One file, and what can be done with it.
+    pub fn new(path: PathBuf, advice: &str) -> Self {
+        Self { text: format!("wrote {}\n{advice}", path.display()), written: vec![path] }
+    }
+
+    pub fn several(written: Vec<PathBuf>, text: String) -> Self {
+        Self { written, text }
     }
 }
 
 impl CommandResult for Written {
     fn text(&self) -> String {
-        format!("wrote {}\n{}", self.written[0].display(), self.advice)
+        self.text.clone()
     }
 }

@@ -1,8 +1,9 @@
 //! `haptograph segment`: divides a signal into stationary segments (thesis 2.3.2).
 
 use super::progress::Progress;
+use super::result::{CommandResult, show};
 use super::table::{facts, significant, table};
-use super::{Failure, eprint, print, recording};
+use super::{Failure, eprint, recording};
 use crate::engine::registry::Registry;
 use crate::learning::learn::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
@@ -78,13 +79,15 @@ impl Variance {
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
-    breaks: &'a [usize],
-    orders: &'a [usize],
+struct Segments {
+    breaks: Vec<usize>,
+    orders: Vec<usize>,
     mdl: f64,
     /// Present only if the signal is known to come from simulated devices.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     simulated: bool,
+    #[serde(skip)]
+    samples: usize,
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -110,11 +113,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let found =
         segment(&signal, &settings).map_err(|error| Failure::file("segment", &arguments.file, &error))?;
     drop(progress);
-    if arguments.json {
-        let Segmentation { breaks, orders, mdl } = &found;
-        return super::print_json(&Json { breaks, orders, mdl: *mdl, simulated });
-    }
-    print(&describe(&found, signal.len(), simulated))
+    let Segmentation { breaks, orders, mdl } = found;
+    let segments = Segments { breaks, orders, mdl, simulated, samples: signal.len() };
+    show(&segments, arguments.json)
 }
 
 /// Refuses flags that have no effect on the exact search.
@@ -130,20 +131,22 @@ fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
     Err(Failure::Usage(clap::Error::raw(ErrorKind::ArgumentConflict, message)))
 }
 
-fn describe(found: &Segmentation, samples: usize, simulated: bool) -> String {
-    let rows = found
-        .segments(samples)
-        .zip(&found.orders)
-        .map(|(range, order)| vec![range.start.to_string(), range.len().to_string(), order.to_string()]);
-    let rows: Vec<_> = rows.collect();
-    let mut head = vec![
-        ("samples", samples.to_string()),
-        ("segments", found.orders.len().to_string()),
-        ("description length", significant(found.mdl, 8)),
-    ];
-    head.extend(simulated.then(|| ("simulated", "yes".to_owned())));
-    let head = facts(&head);
-    format!("{head}\n{}", table(&["first sample", "samples", "order"], &rows))
+impl CommandResult for Segments {
+    fn text(&self) -> String {
+        let starts = std::iter::once(0).chain(self.breaks.iter().copied());
+        let ends = self.breaks.iter().copied().chain([self.samples]);
+        let row = |((start, end), order): ((usize, usize), &usize)| {
+            vec![start.to_string(), (end - start).to_string(), order.to_string()]
+        };
+        let rows: Vec<_> = starts.zip(ends).zip(&self.orders).map(row).collect();
+        let mut head = vec![
+            ("samples", self.samples.to_string()),
+            ("segments", self.orders.len().to_string()),
+            ("description length", significant(self.mdl, 8)),
+        ];
+        head.extend(self.simulated.then(|| ("simulated", "yes".to_owned())));
+        format!("{}\n{}", facts(&head), table(&["first sample", "samples", "order"], &rows))
+    }
 }
 
 /// Warns about an offset. An autoregressive process has zero mean, so an offset would be modelled as a

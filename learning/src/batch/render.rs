@@ -4,13 +4,13 @@ use super::chunk::{Chunk, file_name, verify};
 use super::folder::{Claim, FolderError};
 use super::manifest::Manifest;
 use super::plan::Batch;
-use crate::parts::{Shard, until_stopped};
+use crate::parts::{self, Outcome, Shard};
 use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 /// Settings for rendering a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,14 +57,6 @@ pub enum RenderError {
     Io { path: PathBuf, source: io::Error },
 }
 
-/// The outcome for a chunk.
-enum Outcome {
-    Reused(String),
-    Rendered(String, Option<String>),
-    /// The chunk is neither in the shard nor in the folder, or the run was stopped before it.
-    Absent,
-}
-
 /// Renders the missing chunks of a batch, or of a shard of it, into a folder, and writes the manifest.
 ///
 /// Existing chunks are read and their hashes compared; damaged ones are rendered again. A kill loses at most the chunks in
@@ -80,9 +72,9 @@ pub fn render(
     stop: &AtomicBool,
 ) -> Result<Rendered, RenderError> {
     let _claim = Claim::of(folder, batch.identity())?;
-    let take = |chunk: usize| take(batch, folder, settings.shard, chunk as u64, stop);
-    let progress = until_stopped(stop, progress);
-    let outcomes = parallel::try_map(settings.threads, 0..batch.chunks() as usize, &progress, take)?;
+    let work = (settings.threads, batch.chunks(), settings.shard);
+    let find = |chunk| find(batch, folder, chunk);
+    let outcomes = parts::resume(work, (progress, stop), find, |chunk| compute(batch, folder, chunk, stop))?;
     let (mut rendered, found) = summary(batch, folder, settings.shard, outcomes);
     rendered.was_stopped = rendered.kept + rendered.rendered < rendered.chunks;
     let manifest = Manifest::of(batch, &found);
@@ -96,35 +88,27 @@ pub fn render(
     Ok(rendered)
 }
 
-/// Verifies a chunk, and renders it if it is missing or damaged and in this shard.
-fn take(
+/// The hash of a chunk in the folder, or the damage of it.
+fn find(batch: &Batch, folder: &Path, chunk: u64) -> Result<Option<String>, String> {
+    let path = folder.join(file_name(chunk));
+    match path.symlink_metadata() {
+        Ok(_) => verify(&path, batch.identity(), chunk).map(Some),
+        Err(_) => Ok(None),
+    }
+}
+
+/// Renders a chunk into the folder and returns its hash; `None` if it was stopped.
+fn compute(
     batch: &Batch,
     folder: &Path,
-    shard: Option<Shard>,
     chunk: u64,
     stop: &AtomicBool,
-) -> Result<Outcome, RenderError> {
-    if stop.load(Ordering::Relaxed) {
-        return Ok(Outcome::Absent);
-    }
+) -> Result<Option<String>, RenderError> {
     let path = folder.join(file_name(chunk));
-    let mut broken = None;
-    if path.symlink_metadata().is_ok() {
-        match verify(&path, batch.identity(), chunk) {
-            Ok(hash) => return Ok(Outcome::Reused(hash)),
-            Err(why) => broken = Some(why),
-        }
-    }
-    if !shard.is_none_or(|shard| shard.has(chunk)) {
-        return Ok(Outcome::Absent);
-    }
     let rendered = Chunk::render(batch, chunk, stop);
-    let Some(rendered) = rendered.map_err(|(job, source)| RenderError::Job { job, source })? else {
-        return Ok(Outcome::Absent);
-    };
-    let written = rendered.write(batch, &path);
-    let hash = written.map_err(|source| RenderError::Io { path, source })?;
-    Ok(Outcome::Rendered(hash, broken))
+    let rendered = rendered.map_err(|(job, source)| RenderError::Job { job, source })?;
+    let written = rendered.map(|rendered| rendered.write(batch, &path)).transpose();
+    written.map_err(|source| RenderError::Io { path, source })
 }
 
 /// The result, and the chunks in the folder.
@@ -132,7 +116,7 @@ fn summary(
     batch: &Batch,
     folder: &Path,
     shard: Option<Shard>,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<Outcome<String>>,
 ) -> (Rendered, BTreeMap<u64, String>) {
     let is_own = |chunk: u64| shard.is_none_or(|shard| shard.has(chunk));
     let mut done = Rendered {
@@ -142,11 +126,11 @@ fn summary(
     let mut found = BTreeMap::new();
     for (chunk, outcome) in (0..).zip(outcomes) {
         match outcome {
-            Outcome::Reused(hash) => {
+            Outcome::Kept(hash) => {
                 done.kept += u64::from(is_own(chunk));
                 found.insert(chunk, hash);
             }
-            Outcome::Rendered(hash, broken) => {
+            Outcome::Computed(hash, broken) => {
                 done.rendered += 1;
                 done.replaced.extend(broken.map(|why| (folder.join(file_name(chunk)), why)));
                 found.insert(chunk, hash);

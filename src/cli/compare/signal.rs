@@ -33,7 +33,7 @@ pub struct Signal {
 /// Samples, rate, unit, and whether the file is known to be simulated.
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 /// Speed and force of a recording.
-type Motion = Option<[Vec<f64>; 2]>;
+pub type Motion = Option<[Vec<f64>; 2]>;
 
 impl Signal {
     /// Reads the vibration in a file; `column` names a column of a table or a channel of a WAV file.

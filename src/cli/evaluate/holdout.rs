@@ -1,15 +1,16 @@
 //! `evaluate --holdout`: errors of textures on parts of recordings that they were not learned from.
 
+use super::conclusion;
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
-use crate::learning::evaluate::holdout::{
-    BandMean, ContactResult, Mean, Measure, MethodMean, SplitResult, hold_out_contact,
-};
+use crate::cli::result::CommandResult;
+use crate::learning::evaluate::holdout::{ContactResult, Measure, MethodMean, SplitResult, hold_out_contact};
 use crate::learning::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use crate::learning::processing::ProcessingSettings;
 use crate::report::holdout::tables::{self, Measures};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Evaluates all drags by hold-out, with a progress bar.
 pub fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
@@ -24,20 +25,50 @@ pub fn contacts(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactR
     hold_out_contact(takes, processing)
 }
 
-/// Text: for each split tables of methods with all measures, then tables of materials.
-pub fn describe(found: &Holdout) -> String {
-    let over = match found.materials.len() {
-        1 => "of 1 material".to_owned(),
-        several => format!("means over {several} materials ± standard error"),
-    };
-    let head = format!(
-        "Errors on held-out parts: {over}, {} seeds of noise averaged as powers.\n\
-         LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB; felt: from 40 to 250 Hz. 20-40 Hz, total: error of the\n\
-         power, dB. envelope: of levels over 50 ms, in brackets between two noises of one method. * worse than a plain baseline.\n\
-         floor: the training part's own spectrum. one_model: plain, of order 20 for the part. windows: plain, of 0.2 s, the nearest.\n",
-        found.seeds
-    );
-    found.splits().iter().fold(head, |text, split| text + &of_split(found, split))
+/// All measures of all splits, and the errors of contacts.
+pub struct HeldOut {
+    pub found: Holdout,
+    pub contact: Vec<ContactResult>,
+    /// Number of simulated recordings.
+    pub simulated: usize,
+    pub recordings: usize,
+    pub page: Option<PathBuf>,
+}
+
+impl CommandResult for HeldOut {
+    /// For each split tables of methods with all measures, then tables of materials; then a table of methods for each
+    /// quantity of a contact.
+    fn text(&self) -> String {
+        let over = match self.found.materials.len() {
+            1 => "of 1 material".to_owned(),
+            several => format!("means over {several} materials ± standard error"),
+        };
+        let head = format!(
+            "Errors on held-out parts: {over}, {} seeds of noise averaged as powers.\n\
+             LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB; felt: from 40 to 250 Hz. 20-40 Hz, total: error of the\n\
+             power, dB. envelope: of levels over 50 ms, in brackets between two noises of one method. * worse than a plain baseline.\n\
+             floor: the training part's own spectrum. one_model: plain, of order 20 for the part. windows: plain, of 0.2 s, the nearest.\n",
+            self.found.seeds
+        );
+        let splits = self.found.splits().into_iter().map(|split| of_split(&self.found, &split));
+        let contacts = tables::contacts(&self.contact).into_iter().map(|table| format!("\n{}", table.text()));
+        let tables: String = splits.chain(contacts).collect();
+        head + &tables + &conclusion(self.simulated, self.recordings, self.page.as_ref())
+    }
+}
+
+impl Serialize for HeldOut {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        json!({
+            "materials": self.found.materials,
+            "seeds": self.found.seeds,
+            "simulated": self.simulated > 0,
+            "folds": self.found.folds.len(),
+            "splits": self.found.splits().iter().map(split_json).collect::<Vec<_>>(),
+            "contact": self.contact.iter().map(contact_json).collect::<Vec<_>>(),
+        })
+        .serialize(serializer)
+    }
 }
 
 fn of_split(found: &Holdout, split: &SplitResult) -> String {
@@ -47,31 +78,14 @@ fn of_split(found: &Holdout, split: &SplitResult) -> String {
     format!("\n{}\n\n{shown}{}\n", split.split.as_str(), tables::limits(split))
 }
 
-/// Text: a table of methods for each quantity of a contact.
-pub fn describe_contact(found: &[ContactResult]) -> String {
-    let tables = tables::contacts(found);
-    tables.iter().map(|table| format!("\n{}", table.text())).collect()
-}
-
-/// All measures of all splits, and the distance in each fold.
-pub fn to_json(found: &Holdout, contact: &[ContactResult], simulated: bool) -> Value {
-    let split = |split: &SplitResult| {
-        json!({
-            "split": split.split.as_str(),
-            "methods": split.methods.iter().map(method_json).collect::<Vec<_>>(),
-            "best_baseline": split.best_baseline.as_str(),
-            "unexplained_level_db": mean_json(split.unexplained_level_db),
-            "estimator_two_takes_db": split.estimator_db.0,
-            "estimator_mean_of_seeds_db": split.estimator_db.1,
-        })
-    };
+fn split_json(split: &SplitResult) -> Value {
     json!({
-        "materials": found.materials,
-        "seeds": found.seeds,
-        "simulated": simulated,
-        "folds": found.folds.len(),
-        "splits": found.splits().iter().map(split).collect::<Vec<_>>(),
-        "contact": contact.iter().map(contact_json).collect::<Vec<_>>(),
+        "split": split.split.as_str(),
+        "methods": split.methods.iter().map(method_json).collect::<Vec<_>>(),
+        "best_baseline": split.best_baseline.as_str(),
+        "unexplained_level_db": split.unexplained_level_db,
+        "estimator_two_takes_db": split.estimator_db.0,
+        "estimator_mean_of_seeds_db": split.estimator_db.1,
     })
 }
 
@@ -79,7 +93,7 @@ fn contact_json(result: &ContactResult) -> Value {
     let method = |(number, method): (usize, &&str)| {
         json!({
             "method": method,
-            "mean": mean_json(Some(result.means[number])),
+            "mean": result.means[number],
             "by_material": result.by_material[number],
         })
     };
@@ -100,18 +114,10 @@ fn method_json(method: &MethodMean) -> Value {
         "lsd_100_500_by_material_db": method.by_material(Measure::MiddleLsd),
         "error_20_40_by_material_db": method.by_material(Measure::Low),
         "error_total_by_material_db": method.by_material(Measure::Total),
-        "signed_error_db": method.by_band.iter().map(band_json).collect::<Vec<_>>(),
+        "signed_error_db": method.by_band,
     });
     for measure in Measure::all() {
-        json[measure.as_str()] = mean_json(method.mean(measure));
+        json[measure.as_str()] = json!(method.mean(measure));
     }
     json
-}
-
-fn band_json(band: &BandMean) -> Value {
-    json!({ "centre_hz": band.centre_hz, "db": band.signed_db, "absolute_db": band.absolute_db })
-}
-
-fn mean_json(mean: Option<Mean>) -> Value {
-    mean.map_or(Value::Null, |Mean { mean, error }| json!({ "mean": mean, "standard_error": error }))
 }

@@ -1,6 +1,5 @@
 //! Loads the takes in a folder.
 
-use crate::cli::placing::LEDGER;
 use crate::cli::{Failure, eprint, recording};
 use crate::learning::evaluate::{RecordingName, Take, TakeSource};
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings, LoadError, ReadError};
@@ -8,7 +7,6 @@ use crate::signal::files;
 use crate::surfaces::Origin;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -140,38 +138,73 @@ fn is_part(other: &RecordingName, take: &RecordingName) -> bool {
         && rest.is_some_and(|rest| rest.starts_with(['.', '-', '_']))
 }
 
-/// The files that represent the recordings of a folder. RON files are notes beside recordings and are skipped.
+/// The files that represent the recordings of a folder, by the names of their takes.
 fn recordings(dir: &Path) -> Result<Files, Failure> {
-    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
-    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
-    let mut paths: Vec<PathBuf> = entries
-        .iter()
-        .map(fs::DirEntry::path)
-        .filter(|path| path.is_file() && !path.ends_with(LEDGER) && !is_of(path, "ron"))
-        .collect();
-    // WAV files first: each also represents the table beside it.
-    paths.sort_by_key(|path| (!is_of(path, "wav"), path.clone()));
     let mut files = Files::new();
-    for path in paths {
-        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let parts = ["Accel_", "Position_", "Force_"];
-        let file = parts.iter().find_map(|part| file.strip_prefix(part)).unwrap_or(&file);
-        match RecordingName::parse(file) {
-            Some(name) => {
-                files.entry(name).or_insert(path);
-            }
-            None => eprint(&format!(
-                "warning: skipped {}: its name is not <material>.<person>.<take>.<extension>\n",
-                path.display()
-            )),
+    for TakeFiles { take, recording, .. } in take_files(dir)? {
+        if let Some(name) = recording_name(&take, &recording) {
+            files.insert(name, recording);
         }
     }
     Ok(files)
 }
 
-fn is_of(path: &Path, extension: &str) -> bool {
-    let own = path.extension();
-    own.is_some_and(|own| own.eq_ignore_ascii_case(extension))
+/// The name of a take; without one, a warning that its recording is skipped.
+pub fn recording_name(take: &str, recording: &Path) -> Option<RecordingName> {
+    let name = RecordingName::parse(&format!("{take}."));
+    if name.is_none() {
+        eprint(&format!(
+            "warning: skipped {}: its name is not <material>.<person>.<take>.<extension>\n",
+            recording.display()
+        ));
+    }
+    name
+}
+
+/// The files of one take in a folder.
+pub struct TakeFiles {
+    /// The common part of their names.
+    pub take: String,
+    /// The file that stands for all: of the toolkit's triples the first, and a WAV file for the table beside it.
+    pub recording: PathBuf,
+    /// All files, with the notes beside recordings.
+    pub files: Vec<PathBuf>,
+}
+
+/// The takes of a folder, by name.
+pub fn take_files(dir: &Path) -> Result<Vec<TakeFiles>, Failure> {
+    let mut takes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for path in listed(dir)? {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        let file = file.strip_suffix(".ron").unwrap_or(&file);
+        let parts = ["Accel_", "Position_", "Force_"];
+        let file = parts.iter().find_map(|part| file.strip_prefix(part)).unwrap_or(file);
+        let take = file.rsplit_once('.').map_or(file, |(take, _)| take).to_owned();
+        takes.entry(take).or_default().push(path);
+    }
+    let is_of = |path: &Path, extension: &str| {
+        path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
+    };
+    let take = |(take, files): (String, Vec<PathBuf>)| {
+        let wav = files.iter().find(|path| is_of(path, "wav"));
+        let recording = wav.or_else(|| files.iter().find(|path| !is_of(path, "ron")))?.clone();
+        Some(TakeFiles { take, recording, files })
+    };
+    Ok(takes.into_iter().filter_map(take).collect())
+}
+
+/// The files of a folder by name, without hidden ones.
+pub fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
+    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
+    let mut paths: Vec<PathBuf> = entries
+        .into_iter()
+        .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file())
+        .collect();
+    paths.sort();
+    Ok(paths)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The result of `learn` as text and JSON.
 
-use super::super::table::{facts, significant};
+use super::super::table::significant;
 use crate::learning::learn::LearningReport;
 use crate::learning::learn::coverage as covered;
 use crate::learning::learn::taps::TapReport;
@@ -8,7 +8,6 @@ use crate::learning::learn::texture::{Fate, TextureReport};
 use crate::surfaces::coverage::Coverage;
 use crate::surfaces::{Surface, Taps, TextureModel};
 use serde_json::{Value, json};
-use std::path::Path;
 
 /// The coverage of the plane of force and speed, and what to record next. No advice if a quantity may be in
 /// the wrong unit.
@@ -50,8 +49,12 @@ pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
     })
 }
 
-/// The path of the written surface and the data that it is learned from.
-pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_implausible: bool) -> String {
+/// The data that a surface is learned from.
+pub fn facts_of(
+    surface: &Surface,
+    report: &LearningReport,
+    is_implausible: bool,
+) -> Vec<(&'static str, String)> {
     let mut found = vec![("origin", surface.provenance.origin.as_str().to_owned())];
     if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
         found.push(("texture", describe_texture(texture, report)));
@@ -71,7 +74,7 @@ pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_im
     }
     let missing = report.missing.iter();
     found.extend(missing.map(|missing| (missing.part, "none".to_owned())));
-    format!("wrote {}\n{}", output.display(), facts(&found))
+    found
 }
 
 fn fit(r_squared: Option<f64>) -> String {

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// File with the names and hashes of the files that haptograph wrote into a folder.
-pub const LEDGER: &str = ".haptograph.json";
+const LEDGER: &str = ".haptograph.json";
 
 /// Permission to replace files that haptograph did not write.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]

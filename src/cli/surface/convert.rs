@@ -38,5 +38,5 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // Clap requires at least one file.
     let Some(surface) = surface else { return Ok(()) };
     let output = save(&surface, &output)?;
-    show(&Written::new(&output, String::new()), arguments.json)
+    show(&Written::new(output, ""), arguments.json)
 }

@@ -3,11 +3,12 @@
 
 use super::{Failure, load, select};
 use crate::cli::progress::Progress;
+use crate::cli::result::{CommandResult, show};
 use crate::cli::table::table;
-use crate::cli::{print, print_json};
 use crate::learning::evaluate::leave_one_out::{FAR, Mean, PowerExponents};
 use crate::learning::evaluate::{LeaveOneOut, MapKind, Prediction, Summary, leave_one_out};
 use crate::surfaces::{Surface, TextureModel};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -47,7 +48,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let found = leave_one_out(&textures, &|part| progress.at(part))
         .map_err(|error| Failure::file("compare maps of", &arguments.paths[0], &error))?;
     drop(progress);
-    if arguments.json { print_json(&to_json(&found)) } else { print(&describe(&found)) }
+    show(&Compared(found), arguments.json)
+}
+
+/// Accuracy of all kinds of maps.
+struct Compared(LeaveOneOut);
+
+impl CommandResult for Compared {
+    fn text(&self) -> String {
+        describe(&self.0)
+    }
 }
 
 /// A named subset of the predictions.
@@ -107,27 +117,26 @@ fn describe_exponents(exponents: &PowerExponents) -> String {
     )
 }
 
-fn to_json(found: &LeaveOneOut) -> Value {
-    let of = |predictions: &[Prediction], count: fn(&Prediction) -> bool| -> Value {
-        let maps = MapKind::ALL.into_iter().filter_map(|map| {
-            let one = Summary::of(predictions, map, count)?;
-            Some((map.as_str().replace(' ', "_"), summary(&one)))
-        });
-        Value::Object(maps.collect())
-    };
-    let parts = PARTS.map(|(part, count)| (part.to_owned(), of(&found.left_out, count)));
-    json!({
-        "textures": found.textures,
-        "left_out": Value::Object(parts.into_iter().collect()),
-        "narrow_third": { "speeds_apart": FAR, "maps": of(&found.far, |_| true) },
-        "power_exponents": found.exponents.map(|exponents| json!({
-            "pooled": exponents.pooled,
-            "mean": exponents.mean,
-            "deviation": exponents.deviation,
-            "textures": exponents.textures,
-        })),
-        "notes": [FADE, CAVEAT],
-    })
+impl Serialize for Compared {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self(found) = self;
+        let of = |predictions: &[Prediction], count: fn(&Prediction) -> bool| -> Value {
+            let maps = MapKind::ALL.into_iter().filter_map(|map| {
+                let one = Summary::of(predictions, map, count)?;
+                Some((map.as_str().replace(' ', "_"), summary(&one)))
+            });
+            Value::Object(maps.collect())
+        };
+        let parts = PARTS.map(|(part, count)| (part.to_owned(), of(&found.left_out, count)));
+        json!({
+            "textures": found.textures,
+            "left_out": Value::Object(parts.into_iter().collect()),
+            "narrow_third": { "speeds_apart": FAR, "maps": of(&found.far, |_| true) },
+            "power_exponents": found.exponents,
+            "notes": [FADE, CAVEAT],
+        })
+        .serialize(serializer)
+    }
 }
 
 fn summary(one: &Summary) -> Value {

@@ -1,10 +1,11 @@
 //! `haptograph surface select`: selects representative surfaces from a folder (thesis 4.4).
 
 use super::Failure;
-use crate::cli::evaluate::{centre, centre_json};
+use crate::cli::eprint;
+use crate::cli::evaluate::Centre;
 use crate::cli::progress::Progress;
+use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{facts, significant, table};
-use crate::cli::{eprint, print, print_json};
 use crate::learning::evaluate::centre_of;
 use crate::learning::select::{Features, Selection, features, select};
 use crate::signal::files::entries;
@@ -12,7 +13,7 @@ use crate::signal::parallel;
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::rendering::RandomWalk;
 use crate::surfaces::{Surface, TextureModel};
-use serde_json::json;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -49,13 +50,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
     let chosen = selection.chosen.iter().filter_map(|&i| surfaces[i].texture.as_ref());
     let middle = centre_of(chosen);
-    if arguments.json {
-        let mut shown = to_json(&found, &selection);
-        shown["centre"] = centre_json(middle);
-        print_json(&shown)
-    } else {
-        print(&format!("{}\n{}", describe(&found, &selection), facts(&[centre(middle)])))
-    }
+    show(&Selected::new(&found, selection, middle), arguments.json)
 }
 
 /// Warns if some tap responses are by recorded forces and others by rendered forces, which are not
@@ -169,44 +164,59 @@ fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
     })
 }
 
-fn to_json(found: &[Features], selection: &Selection) -> serde_json::Value {
-    let surfaces = found.iter().zip(&selection.clusters).map(|(f, cluster)| {
-        json!({
-            "name": f.name, "mu": f.friction, "tap_response_n_s_per_m": f.tap_response, "power": f.power, "cluster": cluster,
-        })
-    });
-    json!({
-        "features": selection.features,
-        "selected": selection.chosen.iter().map(|&i| &*found[i].name).collect::<Vec<_>>(),
-        "surfaces": surfaces.collect::<Vec<_>>(),
-        "scree": selection.scree,
-    })
+/// Surfaces in clusters, with one selected from each.
+#[derive(Serialize)]
+struct Selected<'a> {
+    centre: Option<Centre>,
+    features: Vec<&'static str>,
+    scree: Vec<f64>,
+    selected: Vec<&'a str>,
+    surfaces: Vec<Clustered<'a>>,
+    /// Index of the selected surface of each cluster.
+    #[serde(skip)]
+    chosen: Vec<usize>,
 }
 
-fn describe(found: &[Features], selection: &Selection) -> String {
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
-    let rows: Vec<Vec<String>> = selection
-        .chosen
-        .iter()
-        .enumerate()
-        .map(|(cluster, &i)| {
-            let others = (0..found.len()).filter(|&j| j != i && selection.clusters[j] == cluster);
-            let others: Vec<&str> = others.map(|j| &*found[j].name).collect();
-            let f = &found[i];
-            vec![
-                f.name.clone(),
-                number(f.friction),
-                number(f.tap_response),
-                number(f.power),
-                others.join(", "),
-            ]
-        })
-        .collect();
-    let head = format!(
-        "{} of {} surfaces, by {}\n\n",
-        selection.chosen.len(),
-        found.len(),
-        selection.features.join(", ")
-    );
-    head + &table(&["surface", "mu", "tap (N s/m)", "power ((m/s²)²)", "stands for"], &rows)
+#[derive(Serialize)]
+struct Clustered<'a> {
+    cluster: usize,
+    mu: Option<f64>,
+    name: &'a str,
+    power: Option<f64>,
+    tap_response_n_s_per_m: Option<f64>,
+}
+
+impl<'a> Selected<'a> {
+    fn new(found: &'a [Features], selection: Selection, centre: Option<(f64, f64)>) -> Self {
+        let Selection { features, clusters, chosen, scree } = selection;
+        let clustered = |(f, cluster): (&'a Features, usize)| Clustered {
+            cluster,
+            mu: f.friction,
+            name: &f.name,
+            power: f.power,
+            tap_response_n_s_per_m: f.tap_response,
+        };
+        let surfaces = found.iter().zip(clusters).map(clustered).collect();
+        let selected = chosen.iter().map(|&i| &*found[i].name).collect();
+        Self { centre: centre.map(Centre::from), features, scree, selected, surfaces, chosen }
+    }
+}
+
+impl CommandResult for Selected<'_> {
+    fn text(&self) -> String {
+        let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
+        let row = |(cluster, &i): (usize, &usize)| {
+            let others = self.surfaces.iter().enumerate();
+            let others = others.filter(|&(j, other)| j != i && other.cluster == cluster);
+            let others: Vec<&str> = others.map(|(_, other)| other.name).collect();
+            let Clustered { name, mu, tap_response_n_s_per_m, power, .. } = self.surfaces[i];
+            let numbers = [mu, tap_response_n_s_per_m, power].map(number);
+            [name.to_owned()].into_iter().chain(numbers).chain([others.join(", ")]).collect()
+        };
+        let rows: Vec<Vec<String>> = self.chosen.iter().enumerate().map(row).collect();
+        let (chosen, all, features) = (self.chosen.len(), self.surfaces.len(), self.features.join(", "));
+        let header = ["surface", "mu", "tap (N s/m)", "power ((m/s²)²)", "stands for"];
+        let centre = facts(&[Centre::fact(self.centre.as_ref())]);
+        format!("{chosen} of {all} surfaces, by {features}\n\n{}\n{centre}", table(&header, &rows))
+    }
 }

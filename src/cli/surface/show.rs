@@ -1,11 +1,12 @@
 //! `haptograph surface show`: prints the content of a surface file.
 
 use super::{Failure, load};
+use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{facts, significant, table};
-use crate::cli::{print, print_json};
 use crate::signal::units::decimal::format_thousandfold;
 use crate::surfaces::layers::LAYERS;
 use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -21,10 +22,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
-    if arguments.json {
-        return print_json(&to_json(&surface));
-    }
-    print(&describe(&surface))
+    show(&Shown(surface), arguments.json)
 }
 
 fn mm_s(speed_m_s: f64) -> f64 {
@@ -39,17 +37,24 @@ fn kind(kind: VertexKind) -> &'static str {
     }
 }
 
-fn to_json(surface: &Surface) -> Value {
-    let Provenance { origin, source, settings, version } = &surface.provenance;
-    json!({
-        "name": surface.name,
-        "friction": surface.friction.map(|friction| json!({ "mu": friction.mu(), "r_squared": friction.r_squared() })),
-        "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
-        "highest_hz": surface.provenance.highest_hz(),
-        "taps": surface.taps.as_ref().map(taps_json),
-        "texture": surface.texture.as_ref().map(texture_json),
-        "provenance": { "origin": origin.as_str(), "source": source, "settings": settings, "version": version },
-    })
+/// The content of a surface.
+struct Shown(Surface);
+
+impl Serialize for Shown {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let surface = &self.0;
+        let Provenance { origin, source, settings, version } = &surface.provenance;
+        json!({
+            "name": surface.name,
+            "friction": surface.friction.map(|friction| json!({ "mu": friction.mu(), "r_squared": friction.r_squared() })),
+            "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
+            "highest_hz": surface.provenance.highest_hz(),
+            "taps": surface.taps.as_ref().map(taps_json),
+            "texture": surface.texture.as_ref().map(texture_json),
+            "provenance": { "origin": origin.as_str(), "source": source, "settings": settings, "version": version },
+        })
+        .serialize(serializer)
+    }
 }
 
 fn taps_json(taps: &Taps) -> Value {
@@ -89,42 +94,45 @@ fn texture_json(texture: &TextureModel) -> Value {
     all
 }
 
-fn describe(surface: &Surface) -> String {
-    let Provenance { origin, source, settings, version } = &surface.provenance;
-    let name = if surface.name.is_empty() { "(no name)" } else { &surface.name };
-    let fit = |r_squared: Option<f64>| {
-        r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
-    };
-    let none = || "none".to_owned();
-    let friction = surface
-        .friction
-        .map_or_else(none, |f| format!("mu {}{}", significant(f.mu(), 4), fit(f.r_squared())));
-    let stiffness = surface
-        .stiffness
-        .map_or_else(none, |s| format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared())));
-    let mut text = format!("{name}\n\n");
-    let highest = surface.provenance.highest_hz();
-    let band =
-        highest.map(|hz| ("recorded", format!("up to {hz} Hz, at the lowest rate of its drags and taps")));
-    let parts = [
-        ("origin", origin.as_str().to_owned()),
-        ("source", source.clone()),
-        ("made by", version.clone()),
-        ("friction", friction),
-        ("stiffness", stiffness),
-        ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
-        ("texture", surface.texture.as_ref().map_or_else(none, describe_texture)),
-    ];
-    text += &facts(&parts.into_iter().chain(band).collect::<Vec<_>>());
-    if let Some(texture) = &surface.texture {
-        text += &format!("\n{}", models(texture));
+impl CommandResult for Shown {
+    fn text(&self) -> String {
+        let surface = &self.0;
+        let Provenance { origin, source, settings, version } = &surface.provenance;
+        let name = if surface.name.is_empty() { "(no name)" } else { &surface.name };
+        let fit = |r_squared: Option<f64>| {
+            r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
+        };
+        let none = || "none".to_owned();
+        let friction = surface.friction;
+        let friction = friction.map(|f| format!("mu {}{}", significant(f.mu(), 4), fit(f.r_squared())));
+        let stiffness = surface.stiffness;
+        let stiffness =
+            stiffness.map(|s| format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared())));
+        let texture = surface.texture.as_ref();
+        let parts = [
+            ("origin", origin.as_str().to_owned()),
+            ("source", source.clone()),
+            ("made by", version.clone()),
+            ("friction", friction.unwrap_or_else(none)),
+            ("stiffness", stiffness.unwrap_or_else(none)),
+            ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
+            ("texture", texture.map_or_else(none, describe_texture)),
+        ];
+        let band = surface.provenance.highest_hz();
+        let band =
+            band.map(|hz| ("recorded", format!("up to {hz} Hz, at the lowest rate of its drags and taps")));
+        let parts: Vec<_> = parts.into_iter().chain(band).collect();
+        let mut text = format!("{name}\n\n{}", facts(&parts));
+        if let Some(texture) = texture {
+            text += &format!("\n{}", models(texture));
+        }
+        if !settings.is_empty() {
+            let settings: Vec<(&str, String)> =
+                settings.iter().map(|(name, value)| (name.as_str(), value.clone())).collect();
+            text += &format!("\nMade with\n\n{}", facts(&settings));
+        }
+        text
     }
-    if !settings.is_empty() {
-        let settings: Vec<(&str, String)> =
-            settings.iter().map(|(name, value)| (name.as_str(), value.clone())).collect();
-        text += &format!("\nMade with\n\n{}", facts(&settings));
-    }
-    text
 }
 
 fn describe_taps(taps: &Taps) -> String {

@@ -5,6 +5,7 @@ use super::folds::Split;
 use super::measures::Measures;
 use super::methods::{BASELINES, Method};
 use haptograph_signal::statistics::{mean, standard_deviation};
+use serde::Serialize;
 
 /// All folds of all materials.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,11 +19,12 @@ pub struct Holdout {
 }
 
 /// A mean over materials with its standard error, `None` for a single material.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Mean {
     /// The mean.
     pub mean: f64,
     /// The standard error.
+    #[serde(rename = "standard_error")]
     pub error: Option<f64>,
 }
 
@@ -110,11 +112,12 @@ impl Measure {
 }
 
 /// Error of one third octave over all materials.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct BandMean {
     /// The centre, Hz.
     pub centre_hz: f64,
     /// Signed error of its power, dB.
+    #[serde(rename = "db")]
     pub signed_db: f64,
     /// Mean size of the error in each fold, dB.
     pub absolute_db: f64,

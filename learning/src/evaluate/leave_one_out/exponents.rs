@@ -8,14 +8,14 @@ use nalgebra::{Matrix2, Vector2};
 const LEAST_TEXTURES: usize = 5;
 
 /// Exponents of speed and force in the power of textures.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct PowerExponents {
-    /// One regression over all models, with a level per texture.
-    pub pooled: [f64; 2],
+    /// Standard deviation of the regressions of single textures over textures.
+    pub deviation: [f64; 2],
     /// Mean of the regressions of single textures.
     pub mean: [f64; 2],
-    /// Standard deviation of these regressions over textures.
-    pub deviation: [f64; 2],
+    /// One regression over all models, with a level per texture.
+    pub pooled: [f64; 2],
     /// Number of textures with a regression of their own.
     pub textures: usize,
 }
