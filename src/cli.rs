@@ -231,7 +231,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 }
 
 /// The graph file and the values that override its defaults.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub(crate) struct GraphArguments {
     /// The graph file
     pub graph: PathBuf,

@@ -6,7 +6,7 @@ use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::fixed;
 use super::svg::escape;
-use super::table::grid;
+use super::table::{Table, grid};
 use super::theme::Ink;
 use super::{learning, map_figures};
 use haptograph_learning::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
@@ -18,7 +18,8 @@ use haptograph_surfaces::Surface;
 pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {
     let mut sections = vec![("", cards(&headlines(found))), ("Textures and materials", materials(found))];
     if let Some(people) = &found.people_table {
-        sections.push(("People", people_table(people)));
+        let about = "Spectral difference between each person's textures and the same recordings of their own material.";
+        sections.push(("People", format!("<p>{about}</p>{}", people_table(people).to_html())));
     }
     if let Some(map) = &found.map {
         sections.push(("Map of all textures", map_section(map)));
@@ -127,19 +128,18 @@ fn head(names: &[String]) -> impl Iterator<Item = String> {
 }
 
 /// Table 2.2.
-fn people_table(table: &DifferenceTable) -> String {
+/// Each person's textures against the same recordings, with the mean and deviation of a row.
+pub fn people_table(table: &DifferenceTable) -> Table {
     let shown = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
     let statistics = table.row_statistics();
     let rows = table.rows.iter().zip(&table.differences).zip(&statistics);
     let rows = rows.map(|((name, cells), (mean, deviation))| {
-        let cells = cells.iter().map(|cell| shown(*cell));
-        let cells = std::iter::once(escape(name)).chain(cells);
+        let cells = std::iter::once(name.clone()).chain(cells.iter().map(|cell| shown(*cell)));
         cells.chain([format!("{mean:.2}"), shown(*deviation)]).collect()
     });
-    format!(
-        "<p>Spectral difference between each person's textures and the same recordings of their own material.</p>{}",
-        grid(GRID, head(&table.columns).chain(["mean", "sd"].map(str::to_owned)), rows)
-    )
+    let columns = table.columns.iter().map(String::as_str);
+    let head: Vec<&str> = std::iter::once("").chain(columns).chain(["mean", "sd"]).collect();
+    Table::new(&head, rows.collect())
 }
 
 fn map_section(map: &PerceptualMap) -> String {

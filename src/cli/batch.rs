@@ -3,7 +3,7 @@
 use super::placing::{Force, Output, note_beside, replaceable};
 use super::progress::Progress;
 use super::result::{CommandResult, Written, show};
-use super::{Failure, eprint, print_json, read_file, run, snippet};
+use super::{Failure, eprint, print_json, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
@@ -270,12 +270,5 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
 
 /// A plan error, shown at its place in the file.
 fn shown(error: &PlanError) -> Failure {
-    let Some((place, bytes)) = error.place.and_then(|place| Some((place, read_file(&error.path).ok()?)))
-    else {
-        return Failure::Message(error.to_string());
-    };
-    let text = String::from_utf8_lossy(&bytes);
-    let line = text.lines().nth(place.line - 1).unwrap_or_default();
-    let (name, message) = (error.path.display().to_string(), error.problem.to_string());
-    Failure::Rendered(snippet::at(&name, line, place.line, place.column, &message))
+    snippet::failure(&error.path, error.place, &error.problem.to_string(), error)
 }

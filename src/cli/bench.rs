@@ -3,8 +3,9 @@
 mod cost_report;
 
 use super::placing::{Force, Output};
+use super::result::show;
 use super::run::progress_bar;
-use super::{Failure, GraphArguments, print};
+use super::{Failure, GraphArguments};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
 use crate::engine::run::{Profile, Runner};
@@ -64,7 +65,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     if let Some(svg) = &svg {
         svg.write(&report.to_svg(&arguments.graph.name()))?;
     }
-    print(&if arguments.json { report.to_json()? } else { report.to_text() })
+    show(&report, arguments.json)
 }
 
 /// Alternates three kinds of runs: plain, with every step timed, and, with several drivers, timed driver by

@@ -20,6 +20,7 @@ use crate::learning::evaluate::{
 use crate::learning::learn::{LearnSettings, learn};
 use crate::learning::metrics::Pooling;
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings};
+use crate::report::evaluation::people_table;
 use crate::surfaces::Origin;
 use clap::ValueEnum;
 use serde::{Serialize, Serializer};
@@ -239,7 +240,7 @@ fn describe(found: &Evaluation) -> String {
     }
     if let Some(people) = &found.people_table {
         text += "Each person's textures against the same recordings of their own material.\n\n";
-        text += &people_table(people);
+        text += &people_table(people).text();
     }
     if let Some(map) = &found.map {
         text += "\nAll textures against each other, played along one random walk and placed on a map.\n\n";
@@ -351,26 +352,6 @@ fn materials_table(differences: &DifferenceTable) -> String {
         .collect();
     let header: Vec<&str> =
         std::iter::once("").chain(differences.columns.iter().map(String::as_str)).collect();
-    table(&header, &rows)
-}
-
-fn people_table(differences: &DifferenceTable) -> String {
-    let statistics = differences.row_statistics();
-    let rows: Vec<Vec<String>> = differences
-        .rows
-        .iter()
-        .zip(&differences.differences)
-        .zip(&statistics)
-        .map(|((name, cells), (mean, deviation))| {
-            let cells =
-                cells.iter().map(|cell| cell.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}")));
-            let row = std::iter::once(name.clone()).chain(cells);
-            let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
-            row.chain([format!("{mean:.2}"), deviation]).collect()
-        })
-        .collect();
-    let columns = differences.columns.iter().map(String::as_str);
-    let header: Vec<&str> = std::iter::once("").chain(columns).chain(["mean", "sd"]).collect();
     table(&header, &rows)
 }
 

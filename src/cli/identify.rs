@@ -1,6 +1,6 @@
 //! `haptograph identify`: fits the parameters of a voice-coil actuator to a recorded sweep.
 
-use super::import::Import;
+use super::import::{Import, positive};
 use super::placing::{Force, Output};
 use super::result::{CommandResult, look_at, show};
 use super::{Failure, eprint, recording};
@@ -31,19 +31,19 @@ pub struct Arguments {
     /// The recording
     recording: PathBuf,
     /// Known mass of the magnet
-    #[arg(long, value_name = "GRAMS", value_parser = above_zero, requires = "scale")]
+    #[arg(long, value_name = "GRAMS", value_parser = positive, requires = "scale")]
     magnet_g: Option<f64>,
     /// Known mass of the body, the tool and the part of the hand that moves with them
-    #[arg(long, value_name = "GRAMS", value_parser = above_zero, requires = "magnet_g")]
+    #[arg(long, value_name = "GRAMS", value_parser = positive, requires = "magnet_g")]
     body_g: Option<f64>,
     /// Known force per current, from the data sheet
-    #[arg(long, value_name = "N/A", value_parser = above_zero, requires = "magnet_g")]
+    #[arg(long, value_name = "N/A", value_parser = positive, requires = "magnet_g")]
     force_n_per_a: Option<f64>,
     /// Lowest frequency of the sweep
-    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = above_zero)]
+    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = positive)]
     from_hz: f64,
     /// Highest frequency of the sweep
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = above_zero)]
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = positive)]
     to_hz: f64,
     /// Also write a page with the result, the fit and its residual into this folder
     #[arg(long, value_name = "DIR")]
@@ -55,13 +55,6 @@ pub struct Arguments {
     json: bool,
     #[command(flatten)]
     import: Import,
-}
-
-fn above_zero(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("give a number above 0".to_owned()),
-    }
 }
 
 impl Arguments {

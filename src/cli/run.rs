@@ -30,7 +30,7 @@ use std::time::Instant;
 use summary::Summary;
 
 /// Run a graph and write the signals of its sinks, with a page to look at
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     pub graph: GraphArguments,

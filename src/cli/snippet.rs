@@ -1,11 +1,27 @@
 //! Rendering of an error at its place in a text.
 
+use super::Failure;
 use super::terminal::is_coloured;
+use crate::signal::files;
+use crate::surfaces::files::Place;
 use annotate_snippets::renderer::DecorStyle;
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+use std::fmt::Display;
+use std::path::Path;
 
 /// Maximum number of characters shown on either side of the place; lines of surface files can be long.
 const AROUND: usize = 60;
+
+/// The failure to read a file, shown at its place if that is known and the file can be read.
+pub fn failure(path: &Path, place: Option<Place>, message: &str, otherwise: &dyn Display) -> Failure {
+    let bytes = place.and_then(|place| Some((place, files::read(path, files::MAX_RECORDING_BYTES).ok()?)));
+    let Some((place, bytes)) = bytes else {
+        return Failure::Message(otherwise.to_string());
+    };
+    let text = String::from_utf8_lossy(&bytes);
+    let line = text.lines().nth(place.line - 1).unwrap_or_default();
+    Failure::Rendered(at(&path.display().to_string(), line, place.line, place.column, message))
+}
 
 /// Renders `message` and `line` with a marker. `number` and `column` count from 1, columns in characters.
 pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {

@@ -2,7 +2,7 @@
 
 mod confirmation;
 
-use super::run::stop_on_interrupt;
+use super::run::{present, stop_on_interrupt};
 use super::{Failure, eprint, print, refuse_repeated};
 use crate::engine::registry::Registry;
 use crate::live::guard;
@@ -83,7 +83,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         print(&invitation(&url)?)?;
     }
     if !arguments.no_open {
-        open_page(&studio.url());
+        // The address was printed: without a desktop it is opened by hand.
+        let _ = present::open(studio.url().as_ref());
     }
     let (mut confirmation, mut said) = (Confirmation::default(), None);
     while !stop.load(Ordering::Relaxed) {
@@ -143,17 +144,6 @@ fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Resu
         exported.bytes as f64 * 1e-6,
         folder.display()
     ))
-}
-
-/// Opens the page in the desktop's browser. A failure is ignored, since the address was printed.
-fn open_page(url: &str) {
-    let opener = match std::env::consts::OS {
-        "macos" => "open",
-        "windows" => "explorer",
-        _ => "xdg-open",
-    };
-    let quiet = process::Stdio::null;
-    let _ = process::Command::new(opener).arg(url).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn();
 }
 
 #[cfg(test)]

@@ -11,7 +11,6 @@ mod show;
 use super::placing::{Force, Output};
 use super::{Failure, eprint, snippet};
 use crate::engine::registry::Registry;
-use crate::signal::files as bounded;
 pub use crate::surfaces::files::check_extension;
 use crate::surfaces::{Surface, TextureModel, files};
 use clap::Subcommand;
@@ -51,21 +50,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 pub fn load(path: &Path) -> Result<Surface, Failure> {
     files::load(path).map_err(|error| match &error {
         files::FileError::Read { path, error: read } => {
-            match (read.place, bounded::read(path, bounded::MAX_SURFACE_BYTES)) {
-                (Some(place), Ok(bytes)) => {
-                    let text = String::from_utf8_lossy(&bytes);
-                    let line = text.lines().nth(place.line - 1).unwrap_or_default();
-                    let name = path.display().to_string();
-                    Failure::Rendered(snippet::at(
-                        &name,
-                        line,
-                        place.line,
-                        place.column,
-                        &read.problem.to_string(),
-                    ))
-                }
-                _ => Failure::Message(error.to_string()),
-            }
+            snippet::failure(path, read.place, &read.problem.to_string(), &error)
         }
         _ => Failure::Message(error.to_string()),
     })

@@ -2,11 +2,11 @@
 //! compares the runs.
 
 use super::placing::{Force, RunFolder};
-use super::run::present::Present;
+use super::result::{CommandResult, indented, show};
 use super::run::summary::Summary;
 use super::run::{self, message, timed};
 use super::terminal::is_coloured;
-use super::{Failure, GraphArguments, eprint, print, warnings};
+use super::{Failure, GraphArguments, eprint, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
@@ -16,6 +16,7 @@ use crate::report::plotted::{PlottedSignals, textures};
 use crate::report::record::friction;
 use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
+use serde::{Serialize, Serializer};
 use serde_json::json;
 use std::fs;
 use std::path::PathBuf;
@@ -172,8 +173,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         }
     }
     folder.write("report.html", &page(arguments, &done))?;
-    let facts = facts(arguments, &done, planned);
-    folder.write("run.json", &facts)?;
+    let swept = Swept { arguments, done: &done, planned, page: target.join("report.html") };
+    folder.write("run.json", &indented(&swept))?;
     let (placed, _) = folder.commit(&[], Force::default())?;
     placed.lines().iter().for_each(|line| eprint(&format!("note: {line}\n")));
     let stopped = stop.load(Ordering::Relaxed);
@@ -183,15 +184,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             done.len()
         ));
     }
-    print(&match arguments.json {
-        true => facts,
-        false => format!(
-            "ran {} {}\nlook at {}; each run's own page has its sound\n",
-            arguments.graph.name(),
-            arguments.count(done.len()),
-            target.join("report.html").display()
-        ),
-    })?;
+    show(&swept, arguments.json)?;
     if stopped { Err(Failure::Interrupted) } else { Ok(()) }
 }
 
@@ -273,19 +266,9 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
             endpoints: endpoints.clone(),
         },
         duration_s: Some(arguments.duration_s),
-        live: false,
-        watch: false,
-        rested: false,
-        osc: None,
-        replay: None,
         seed: arguments.seed,
-        out: None,
         block: 64,
-        probe: Vec::new(),
-        force: Force::default(),
-        record: false,
-        json: false,
-        present: Present::default(),
+        ..run::Arguments::default()
     }
 }
 
@@ -335,21 +318,39 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     .to_html()
 }
 
-fn facts(arguments: &Arguments, done: &[Done], planned: usize) -> String {
-    let runs: Vec<_> = done
-        .iter()
-        .enumerate()
-        .map(|(i, run)| json!({ "name": run.name, "folder": format!("{:02}", i + 1) }))
-        .collect();
-    let facts = json!({
-        "graph": arguments.graph.graph.to_string_lossy(),
-        "seconds": arguments.duration_s,
-        "planned": planned,
-        "stopped": done.len() < planned || done.iter().any(|run| run.summary.was_stopped()),
-        "runs": runs,
-        "haptograph": env!("CARGO_PKG_VERSION"),
-    });
-    format!("{facts:#}\n")
+/// A finished sweep.
+struct Swept<'a> {
+    arguments: &'a Arguments,
+    done: &'a [Done],
+    planned: usize,
+    page: PathBuf,
+}
+
+impl Serialize for Swept<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { arguments, done, planned, .. } = self;
+        let runs = done.iter().enumerate();
+        let runs = runs.map(|(i, run)| json!({ "name": run.name, "folder": format!("{:02}", i + 1) }));
+        json!({
+            "graph": arguments.graph.graph.to_string_lossy(),
+            "seconds": arguments.duration_s,
+            "planned": planned,
+            "stopped": done.len() < *planned || done.iter().any(|run| run.summary.was_stopped()),
+            "runs": runs.collect::<Vec<_>>(),
+            "haptograph": env!("CARGO_PKG_VERSION"),
+        })
+        .serialize(serializer)
+    }
+}
+
+impl CommandResult for Swept<'_> {
+    const INDENTED: bool = true;
+
+    fn text(&self) -> String {
+        let (name, count) = (self.arguments.graph.name(), self.arguments.count(self.done.len()));
+        let page = self.page.display();
+        format!("ran {name} {count}\nlook at {page}; each run's own page has its sound\n")
+    }
 }
 
 #[cfg(test)]

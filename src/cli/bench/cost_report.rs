@@ -1,6 +1,6 @@
 //! The measured cost of a graph, as text, JSON and SVG.
 
-use crate::cli::Failure;
+use crate::cli::result::CommandResult;
 use crate::engine::graph::{Graph, NodeId};
 use crate::engine::plan::Plan;
 use crate::engine::run::{Profile, StepCost};
@@ -9,9 +9,8 @@ use crate::report::scale::plain;
 use crate::report::theme::Ink;
 use crate::signal::files;
 use crate::signal::statistics::median;
-use serde_json::json;
+use serde::Serialize;
 use std::collections::HashMap;
-use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,55 +25,72 @@ pub struct Timings {
 
 /// The cost of a graph. A load is the processor time per second of the graph's time: the share of one core
 /// that it needs.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 pub struct CostReport {
-    /// Load of all drivers together on one core.
-    load: f64,
-    /// Relative overhead of timing every step.
-    overhead: f64,
-    timed_rounds: u64,
-    every: u64,
-    rows: Vec<Row>,
+    buffer_bytes: usize,
     clocks: Vec<ClockLoad>,
     drivers: Vec<DriverLoad>,
-    peak_bytes: Option<u64>,
+    /// Of all drivers together on one core.
+    load_percent: f64,
+    measuring: Measuring,
+    process_peak_bytes: Option<u64>,
     simulated: bool,
+    /// By falling load.
+    steps: Vec<Step>,
+}
+
+#[derive(Debug, Serialize)]
+struct Measuring {
+    /// Relative overhead of timing every step.
+    cost_percent: f64,
+    one_round_in: u64,
+    timed_rounds: u64,
 }
 
 /// A step of a plan and its cost.
-#[derive(Debug)]
-struct Row {
-    label: String,
-    driver: usize,
+#[derive(Debug, Serialize)]
+struct Step {
     clock: String,
-    median_ns: f64,
-    p99_ns: f64,
-    worst_ns: f64,
-    samples: usize,
-    load: f64,
-}
-
-#[derive(Debug)]
-struct ClockLoad {
-    name: String,
+    /// Load.
+    core_share: f64,
     driver: String,
-    rate: String,
-    period_ns: f64,
-    load: f64,
+    /// Median.
+    ns_per_tick: f64,
+    p99_ns: f64,
+    samples: usize,
+    /// Part of the load of all steps.
+    share: f64,
+    step: String,
+    worst_ns: f64,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
+struct ClockLoad {
+    clock: String,
+    driver: String,
+    load_percent: f64,
+    period_ns: f64,
+    rate: String,
+}
+
+#[derive(Debug, Serialize)]
 struct DriverLoad {
-    name: String,
-    rate_hz: f64,
     /// Maximum block length, frames.
     block: usize,
-    load: f64,
-    /// The same load, summed over the timed steps.
-    timed_load: f64,
-    /// The chain of dependent nodes with the highest cost, and its load.
-    critical: (Vec<String>, f64),
     buffer_bytes: usize,
+    critical_path: CriticalPath,
+    driver: String,
+    /// The rate at which the driver would fill one core.
+    highest_rate_hz: f64,
+    load_percent: f64,
+    rate_hz: f64,
+}
+
+/// The chain of dependent nodes with the highest cost, and its part of the load of all timed steps.
+#[derive(Debug, Serialize)]
+struct CriticalPath {
+    nodes: Vec<String>,
+    share: f64,
 }
 
 impl CostReport {
@@ -83,221 +99,87 @@ impl CostReport {
         let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
         let round_s = profile.runner().quantum_s();
         let load = median(&turns.plain_s) / round_s;
-        let (mut rows, mut drivers) = (Vec::new(), Vec::new());
+        let (mut steps, mut drivers) = (Vec::new(), Vec::new());
         for (driver, plan) in plans.iter().enumerate() {
-            let own = rows_of(graph, driver, &profile.costs(driver));
-            let round_frames = (round_s * plan.driver_rate().hz()).round().max(1.0) as usize;
-            let of_driver: Vec<f64> = turns.by_driver_s.iter().map(|turn| turn[driver]).collect();
+            let own = steps_of(graph, plan.driver_name(), &profile.costs(driver));
+            let (rate_hz, of_driver) = (plan.driver_rate().hz(), turns.by_driver_s.iter());
+            let round_frames = (round_s * rate_hz).round().max(1.0) as usize;
+            let load = match plans {
+                [_] => load,
+                _ => median(&of_driver.map(|turn| turn[driver]).collect::<Vec<_>>()) / round_s,
+            };
             drivers.push(DriverLoad {
-                name: plan.driver_name().to_owned(),
-                rate_hz: plan.driver_rate().hz(),
                 block: plan.block().min(round_frames),
-                load: match plans {
-                    [_] => load,
-                    _ => median(&of_driver) / round_s,
-                },
-                timed_load: own.iter().map(|(_, row)| row.load).sum(),
-                critical: critical_path(graph, &own),
                 buffer_bytes: plan.buffer_bytes(),
+                critical_path: critical_path(graph, &own),
+                driver: plan.driver_name().to_owned(),
+                highest_rate_hz: rate_hz / load,
+                load_percent: 100.0 * load,
+                rate_hz,
             });
-            rows.extend(own.into_iter().map(|(_, row)| row));
+            steps.extend(own.into_iter().map(|(_, step)| step));
         }
-        rows.sort_by(|a, b| b.load.total_cmp(&a.load));
-        let clocks = graph.clocks().iter().map(|clock| ClockLoad {
-            name: clock.name.clone(),
-            driver: graph.clocks()[clock.driver].name.clone(),
-            rate: clock.rate.to_string(),
-            period_ns: clock.rate.period_s() * 1e9,
-            load: rows.iter().filter(|row| row.clock == clock.name).map(|row| row.load).sum(),
+        steps.sort_by(|a, b| b.core_share.total_cmp(&a.core_share));
+        let all: f64 = steps.iter().map(|step| step.core_share).sum();
+        steps.iter_mut().for_each(|step| step.share = step.core_share / all);
+        let clocks = graph.clocks().iter().map(|clock| {
+            let own = steps.iter().filter(|step| step.clock == clock.name);
+            ClockLoad {
+                clock: clock.name.clone(),
+                driver: graph.clocks()[clock.driver].name.clone(),
+                load_percent: 100.0 * own.map(|step| step.core_share).sum::<f64>(),
+                period_ns: clock.rate.period_s() * 1e9,
+                rate: clock.rate.to_string(),
+            }
         });
         Self {
-            load,
-            overhead: median(&ratios) - 1.0,
-            timed_rounds: profile.timed_quanta(),
-            every: profile.every(),
+            buffer_bytes: drivers.iter().map(|driver| driver.buffer_bytes).sum(),
             clocks: clocks.collect(),
-            rows,
             drivers,
-            peak_bytes: peak_bytes(),
+            load_percent: 100.0 * load,
+            measuring: Measuring {
+                cost_percent: 100.0 * (median(&ratios) - 1.0),
+                one_round_in: profile.every(),
+                timed_rounds: profile.timed_quanta(),
+            },
+            process_peak_bytes: peak_bytes(),
             simulated: graph.devices().iter().any(|device| device.entry.spec.simulated),
+            steps,
         }
-    }
-
-    fn timed_load(&self) -> f64 {
-        self.rows.iter().map(|row| row.load).sum()
-    }
-
-    fn buffer_bytes(&self) -> usize {
-        self.drivers.iter().map(|driver| driver.buffer_bytes).sum()
-    }
-
-    pub fn to_text(&self) -> String {
-        let mut text = String::new();
-        let wide = self.rows.iter().map(|row| row.label.chars().count()).max().unwrap_or(0).max(4);
-        let clock_wide = self.rows.iter().map(|row| row.clock.chars().count()).max().unwrap_or(0).max(5);
-        let all = self.timed_load();
-        let _ = writeln!(
-            text,
-            "{:wide$}  {:clock_wide$}  ns a tick        p99      worst   share",
-            "step", "clock"
-        );
-        for row in &self.rows {
-            let share = row.load / all;
-            let _ = writeln!(
-                text,
-                "{:wide$}  {:clock_wide$}  {:9.1}  {:9.1}  {:9.0}  {:5.1} %  {}",
-                row.label,
-                row.clock,
-                row.median_ns,
-                row.p99_ns,
-                row.worst_ns,
-                100.0 * share,
-                "#".repeat((30.0 * share).round() as usize),
-            );
-        }
-        let _ = writeln!(text);
-        for clock in &self.clocks {
-            let _ = writeln!(
-                text,
-                "clock {:clock_wide$}  {:>10}  {:8.4} % of its period",
-                clock.name,
-                clock.rate,
-                100.0 * clock.load
-            );
-        }
-        let simulated = if self.simulated { ", devices simulated" } else { "" };
-        let _ = writeln!(text);
-        match &self.drivers[..] {
-            [alone] => {
-                let _ = writeln!(
-                    text,
-                    "whole graph    {:.3} % of one core at its own rate, in blocks of {} frames of `{}`{simulated}",
-                    100.0 * self.load,
-                    alone.block,
-                    alone.name,
-                );
-                text += &alone.to_text();
-            }
-            several => {
-                for driver in several {
-                    let _ = writeln!(
-                        text,
-                        "driver {:7} {:.3} % of one core at its own rate, in blocks of at most {}; {} of signal buffers",
-                        driver.name,
-                        100.0 * driver.load,
-                        driver.block,
-                        bytes(driver.buffer_bytes as u64),
-                    );
-                    text += &driver.to_text();
-                }
-                let _ = writeln!(
-                    text,
-                    "\nwhole graph    {:.3} % of one core, if all drivers shared it{simulated}",
-                    100.0 * self.load,
-                );
-            }
-        }
-        let _ = writeln!(
-            text,
-            "memory         {} of signal buffers{}\n\
-             measuring      overhead {:.1} %: one round in {} timed step by step, {} in all; medians; `worst` includes \
-             interruptions by the system",
-            bytes(self.buffer_bytes() as u64),
-            self.peak_bytes
-                .map_or_else(String::new, |peak| format!(", {} the whole process at its peak", bytes(peak))),
-            100.0 * self.overhead,
-            self.every,
-            self.timed_rounds,
-        );
-        text
-    }
-
-    pub fn to_json(&self) -> Result<String, Failure> {
-        let all = self.timed_load();
-        let steps: Vec<_> = self
-            .rows
-            .iter()
-            .map(|row| {
-                json!({
-                    "step": row.label, "driver": self.drivers[row.driver].name, "clock": row.clock,
-                    "ns_per_tick": row.median_ns, "p99_ns": row.p99_ns, "worst_ns": row.worst_ns,
-                    "samples": row.samples, "core_share": row.load, "share": row.load / all,
-                })
-            })
-            .collect();
-        let clocks: Vec<_> = self
-            .clocks
-            .iter()
-            .map(|clock| {
-                json!({
-                    "clock": clock.name, "driver": clock.driver, "rate": clock.rate, "period_ns": clock.period_ns,
-                    "load_percent": 100.0 * clock.load,
-                })
-            })
-            .collect();
-        let drivers: Vec<_> = self
-            .drivers
-            .iter()
-            .map(|driver| {
-                json!({
-                    "driver": driver.name,
-                    "rate_hz": driver.rate_hz,
-                    "block": driver.block,
-                    "load_percent": 100.0 * driver.load,
-                    "highest_rate_hz": driver.rate_hz / driver.load,
-                    "critical_path": {"nodes": driver.critical.0, "share": driver.critical.1 / driver.timed_load},
-                    "buffer_bytes": driver.buffer_bytes,
-                })
-            })
-            .collect();
-        let value = json!({
-            "simulated": self.simulated,
-            "load_percent": 100.0 * self.load,
-            "drivers": drivers,
-            "buffer_bytes": self.buffer_bytes(),
-            "process_peak_bytes": self.peak_bytes,
-            "measuring": {"cost_percent": 100.0 * self.overhead, "one_round_in": self.every, "timed_rounds": self.timed_rounds},
-            "clocks": clocks,
-            "steps": steps,
-        });
-        serde_json::to_string_pretty(&value)
-            .map(|text| text + "\n")
-            .map_err(|error| Failure::Message(format!("cannot write JSON: {error}")))
     }
 
     /// The steps with the highest cost as bars.
     pub fn to_svg(&self, name: &str) -> String {
-        let shown = &self.rows[..self.rows.len().min(30)];
-        let all = self.timed_load();
+        let shown = &self.steps[..self.steps.len().min(30)];
         let place = |number: usize| (shown.len() - number) as f64;
-        let bar = |(number, row): (usize, &Row)| {
-            let (right, y) = (100.0 * row.load / all, place(number));
+        let bar = |(number, step): (usize, &Step)| {
+            let (right, y) = (100.0 * step.share, place(number));
             vec![(0.0, y - 0.35), (right, y - 0.35), (right, y + 0.35), (0.0, y + 0.35)]
         };
         let bars = |(number, driver): (usize, &DriverLoad)| {
-            let own = shown.iter().enumerate().filter(|(_, row)| row.driver == number);
+            let own = shown.iter().enumerate().filter(|(_, step)| step.driver == driver.driver);
             let name = match &self.drivers[..] {
                 [_] => String::new(),
-                _ => format!("{}, {:.3} %", driver.name, 100.0 * driver.load),
+                _ => format!("{}, {:.3} %", driver.driver, driver.load_percent),
             };
             let ink = Ink::CYCLE[number % Ink::CYCLE.len()];
             Mark::Areas(Style::named(ink, name), own.map(bar).collect())
         };
-        let names = shown.iter().enumerate().map(|(number, row)| {
-            let label = format!("{}, {} a tick of {}", row.label, duration(row.median_ns), row.clock);
+        let names = shown.iter().enumerate().map(|(number, step)| {
+            let label = format!("{}, {} a tick of {}", step.step, duration(step.ns_per_tick), step.clock);
             (place(number), label)
         });
-        let of_shown: f64 = shown.iter().map(|row| row.load).sum();
-        let steps = match self.rows.len() {
+        let of_shown: f64 = shown.iter().map(|step| step.share).sum();
+        let steps = match self.steps.len() {
             all if all == shown.len() => format!("all {all} steps"),
-            of => format!("{} of {of} steps, {:.0} % of the cost", shown.len(), 100.0 * of_shown / all),
+            of => format!("{} of {of} steps, {:.0} % of the cost", shown.len(), 100.0 * of_shown),
         };
         let simulated = if self.simulated { "devices simulated, " } else { "" };
         Plot {
             title: format!("Cost of {name}, step by step"),
-            note: format!("{steps}; {simulated}{:.3} % of one core at its own rate", 100.0 * self.load),
+            note: format!("{steps}; {simulated}{:.3} % of one core at its own rate", self.load_percent),
             x: Axis::of("Share of the cost (%)")
-                .over(0.0, 105.0 * shown.first().map_or(1.0, |row| row.load / all)),
+                .over(0.0, 105.0 * shown.first().map_or(1.0, |step| step.share)),
             y: Axis::default().over(0.4, shown.len() as f64 + 0.6).named(names),
             marks: self.drivers.iter().enumerate().map(bars).collect(),
             size: (900.0, 80.0 + 20.0 * shown.len() as f64),
@@ -305,52 +187,118 @@ impl CostReport {
         }
         .to_standalone_svg()
     }
+
+    /// A line for each step, with a bar.
+    fn table(&self) -> String {
+        let width =
+            |name: fn(&Step) -> &String| self.steps.iter().map(|step| name(step).chars().count()).max();
+        let wide = width(|step| &step.step).unwrap_or(0).max(4);
+        let clock_wide = width(|step| &step.clock).unwrap_or(0).max(5);
+        let mut text =
+            format!("{:wide$}  {:clock_wide$}  ns a tick        p99      worst   share\n", "step", "clock");
+        for Step { step, clock, ns_per_tick, p99_ns, worst_ns, share, .. } in &self.steps {
+            let (percent, bar) = (100.0 * share, "#".repeat((30.0 * share).round() as usize));
+            text += &format!(
+                "{step:wide$}  {clock:clock_wide$}  {ns_per_tick:9.1}  {p99_ns:9.1}  {worst_ns:9.0}  {percent:5.1} %  {bar}\n"
+            );
+        }
+        text += "\n";
+        for ClockLoad { clock, rate, load_percent, .. } in &self.clocks {
+            text += &format!("clock {clock:clock_wide$}  {rate:>10}  {load_percent:8.4} % of its period\n");
+        }
+        text
+    }
+}
+
+impl CommandResult for CostReport {
+    const INDENTED: bool = true;
+
+    fn text(&self) -> String {
+        let simulated = if self.simulated { ", devices simulated" } else { "" };
+        let (load, mut text) = (self.load_percent, self.table() + "\n");
+        match &self.drivers[..] {
+            [alone] => {
+                text += &format!(
+                    "whole graph    {load:.3} % of one core at its own rate, in blocks of {} frames of `{}`{simulated}\n{}",
+                    alone.block,
+                    alone.driver,
+                    alone.to_text()
+                );
+            }
+            several => {
+                for driver in several {
+                    text += &format!(
+                        "driver {:7} {:.3} % of one core at its own rate, in blocks of at most {}; {} of signal buffers\n{}",
+                        driver.driver,
+                        driver.load_percent,
+                        driver.block,
+                        bytes(driver.buffer_bytes as u64),
+                        driver.to_text()
+                    );
+                }
+                text += &format!(
+                    "\nwhole graph    {load:.3} % of one core, if all drivers shared it{simulated}\n"
+                );
+            }
+        }
+        let Measuring { cost_percent, one_round_in, timed_rounds } = &self.measuring;
+        let peak = self.process_peak_bytes;
+        let peak =
+            peak.map_or_else(String::new, |peak| format!(", {} the whole process at its peak", bytes(peak)));
+        text + &format!(
+            "memory         {} of signal buffers{peak}\n\
+             measuring      overhead {cost_percent:.1} %: one round in {one_round_in} timed step by step, {timed_rounds} in all; \
+             medians; `worst` includes interruptions by the system\n",
+            bytes(self.buffer_bytes as u64),
+        )
+    }
 }
 
 impl DriverLoad {
     /// The highest rate of the driver and its critical path.
     fn to_text(&self) -> String {
-        let (path, load) = &self.critical;
+        let CriticalPath { nodes, share } = &self.critical_path;
         format!(
             "highest rate   {:.0} times real time: `{}` at {:.3} MHz would fill one core\n\
              critical path  {:.0} % of the cost: {}\n",
-            1.0 / self.load,
-            self.name,
-            self.rate_hz / self.load * 1e-6,
-            100.0 * load / self.timed_load,
-            path.join(" > "),
+            100.0 / self.load_percent,
+            self.driver,
+            self.highest_rate_hz * 1e-6,
+            100.0 * share,
+            nodes.join(" > "),
         )
     }
 }
 
 /// The steps of a driver with their nodes, in execution order.
-fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeId, Row)> {
-    let row = |cost: &StepCost| Row {
-        label: cost.label.clone(),
-        driver,
+fn steps_of(graph: &Graph, driver: &str, costs: &[StepCost]) -> Vec<(NodeId, Step)> {
+    let step = |cost: &StepCost| Step {
         clock: graph.clocks()[cost.clock].name.clone(),
-        median_ns: cost.median_ns,
+        core_share: cost.median_ns * 1e-9 * graph.clocks()[cost.clock].rate.hz(),
+        driver: driver.to_owned(),
+        ns_per_tick: cost.median_ns,
         p99_ns: cost.p99_ns,
-        worst_ns: cost.worst_ns,
         samples: cost.samples,
-        load: cost.median_ns * 1e-9 * graph.clocks()[cost.clock].rate.hz(),
+        share: 0.0,
+        step: cost.label.clone(),
+        worst_ns: cost.worst_ns,
     };
-    costs.iter().map(|cost| (cost.node, row(cost))).collect()
+    costs.iter().map(|cost| (cost.node, step(cost))).collect()
 }
 
 /// The chain of dependent nodes of a driver with the highest total cost; edges cut by a delay do not count.
-fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
+fn critical_path(graph: &Graph, steps: &[(NodeId, Step)]) -> CriticalPath {
     let mut order: Vec<NodeId> = Vec::new();
     let mut loads: HashMap<NodeId, f64> = HashMap::new();
-    for (node, row) in rows {
+    for (node, step) in steps {
         if !order.contains(node) {
             order.push(*node);
         }
-        *loads.entry(*node).or_default() += row.load;
+        *loads.entry(*node).or_default() += step.core_share;
     }
     let mut best: HashMap<NodeId, (f64, Option<NodeId>)> = HashMap::new();
     for node in order {
-        // Nodes of other drivers are absent from `rows`: this driver does not wait for them.
+        // Nodes of other drivers are absent from `steps`: this driver does not wait for them.
         let before = graph
             .nodes()
             .incoming(node)
@@ -362,13 +310,14 @@ fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
     }
     let last = best.iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0));
     let (mut at, sum) = last.map_or((None, 0.0), |(node, (sum, _))| (Some(*node), *sum));
-    let mut path = Vec::new();
+    let mut nodes = Vec::new();
     while let Some(node) = at {
-        path.push(graph.nodes()[node].path.clone());
+        nodes.push(graph.nodes()[node].path.clone());
         at = best.get(&node).and_then(|(_, before)| *before);
     }
-    path.reverse();
-    (path, sum)
+    nodes.reverse();
+    let all: f64 = steps.iter().map(|(_, step)| step.core_share).sum();
+    CriticalPath { nodes, share: sum / all }
 }
 
 /// A duration with its unit and three digits: `1.7 µs`.

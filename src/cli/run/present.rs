@@ -4,6 +4,7 @@ use super::super::built::cannot_play;
 use super::super::{Failure, eprint};
 use crate::live::soundcard::{play_once, ready_to_play};
 use crate::report::sound::{self, Sound};
+use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -31,7 +32,8 @@ impl Present {
     /// Opens the page. A failure, for example without a desktop, does not fail the run.
     pub fn open_page(self, page: &Path) {
         if self.open
-            && let Err(why) = open(page)
+            // An absolute path is never read as an option.
+            && let Err(why) = page.canonicalize().map_err(|error| error.to_string()).and_then(|page| open(page.as_ref()))
         {
             eprint(&format!("warning: cannot open {}: {why}\n", page.display()));
         }
@@ -57,8 +59,8 @@ impl Present {
     }
 }
 
-/// Opens a file with the desktop's program for it.
-fn open(page: &Path) -> Result<(), String> {
+/// Opens a file or an address with the desktop's program for it.
+pub fn open(page: &OsStr) -> Result<(), String> {
     const OPENER: &str = if cfg!(target_os = "macos") {
         "open"
     } else if cfg!(windows) {
@@ -72,8 +74,6 @@ fn open(page: &Path) -> Result<(), String> {
             "no desktop found (neither DISPLAY nor WAYLAND_DISPLAY is set); open the page in a browser yourself".to_owned(),
         );
     }
-    // An absolute path is never read as an option.
-    let page = page.canonicalize().map_err(|error| error.to_string())?;
     let mut command = Command::new(OPENER);
     command.arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command
