@@ -2,6 +2,7 @@
 
 mod cost_report;
 
+use super::import::number;
 use super::placing::{Force, Output};
 use super::result::show;
 use super::run::progress_bar;
@@ -38,10 +39,7 @@ pub struct Arguments {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.01..=3600.0).contains(&value) => Ok(value),
-        _ => Err("give a number of seconds from 0.01 to 3600".to_owned()),
-    }
+    number(text, 0.01..=3600.0, "give a number of seconds from 0.01 to 3600")
 }
 
 /// Number of turns that the measuring time is divided into. The kinds of runs alternate, so that a

@@ -3,6 +3,7 @@
 use crate::engine::settings::closest;
 use crate::learning::recording::{ImportSettings, QUANTITIES};
 use crate::surfaces::provenance::{TOUCH, check_touch};
+use std::ops::RangeInclusive;
 
 /// Flags for reading the tables of other data loggers.
 #[derive(Debug, Clone, clap::Args)]
@@ -67,10 +68,12 @@ impl Touch {
 }
 
 pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("expected a number above 0".to_owned()),
-    }
+    number(text, f64::MIN_POSITIVE..=f64::MAX, "expected a number above 0")
+}
+
+/// A number within a range; `refusal` says what is expected.
+pub(super) fn number(text: &str, range: RangeInclusive<f64>, refusal: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|value| range.contains(value)).ok_or_else(|| refusal.to_owned())
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {

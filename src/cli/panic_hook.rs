@@ -1,6 +1,6 @@
 //! Panic hook: a panic is a bug of the program. Its message is printed at once, or kept while actuators move.
 
-use super::stderr::{eprint, write_unqueued};
+use super::stderr::{self, eprint};
 use std::panic::PanicHookInfo;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,7 +19,7 @@ pub fn install() {
         if !LIVE.load(Ordering::Relaxed) {
             let trace = std::backtrace::Backtrace::capture();
             let is_wanted = trace.status() == std::backtrace::BacktraceStatus::Captured;
-            write_unqueued(&if is_wanted { format!("{text}{trace}\n") } else { text });
+            stderr::write(&if is_wanted { format!("{text}{trace}\n") } else { text });
         } else if let Ok(mut unreported) = UNREPORTED.try_lock()
             && unreported.len() < MAX_KEPT
         {

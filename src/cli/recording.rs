@@ -35,10 +35,15 @@ pub struct Loaded {
 /// warnings.
 pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
     let loaded = try_load(path, import).map_err(|error| failure(&error))?;
-    for warning in &loaded.warnings {
-        eprint(&format!("warning: {warning}\n"));
-    }
+    loaded.warn();
     Ok(loaded)
+}
+
+impl Loaded {
+    /// Prints the findings and repairs.
+    pub fn warn(&self) {
+        self.warnings.iter().for_each(|warning| eprint(&format!("warning: {warning}\n")));
+    }
 }
 
 /// The same without printing.

@@ -11,6 +11,7 @@ mod replay;
 mod status;
 pub mod summary;
 
+use super::import::number;
 use super::placing::{self, Force, MARK, RunFolder, note_beside, replaceable};
 use super::terminal::is_animated;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
@@ -78,10 +79,7 @@ pub struct Arguments {
 }
 
 pub fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value <= 1e7 => Ok(value),
-        _ => Err("give a number of seconds above 0, at most 10000000".to_owned()),
-    }
+    number(text, f64::MIN_POSITIVE..=1e7, "give a number of seconds above 0, at most 10000000")
 }
 
 /// The address at which settings are received.

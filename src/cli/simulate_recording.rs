@@ -1,5 +1,6 @@
 //! `haptograph simulate-recording`: simulates a recording with the recording graph.
 
+use super::import::number;
 use super::placing::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
 use super::{Failure, eprint, print, print_json};
@@ -50,10 +51,7 @@ fn motions() -> impl TypedValueParser<Value = Gesture> {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.1..=3600.0).contains(&value) => Ok(value),
-        _ => Err("give a number of seconds from 0.1 to 3600".to_owned()),
-    }
+    number(text, 0.1..=3600.0, "give a number of seconds from 0.1 to 3600")
 }
 
 fn recording_file(text: &str) -> Result<PathBuf, String> {

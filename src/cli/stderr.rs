@@ -27,7 +27,7 @@ struct Queue {
 
 /// A queued message.
 #[derive(Debug)]
-enum Message {
+pub enum Message {
     Text(String),
     /// Lines of the status block at the lower end of the terminal; they replace the previous ones.
     Block(Vec<String>),
@@ -52,30 +52,11 @@ pub fn eprint(text: &str) {
     }
 }
 
-/// Displays lines at the lower end of the terminal, in place of the previous ones.
-pub fn show_block(block: Vec<String>) {
-    put(Message::Block(block));
-}
-
-/// Redraws the line being typed.
-pub fn redraw_input() {
-    put(Message::InputChanged);
-}
-
-/// Removes the lines at the lower end of the terminal.
-pub fn remove_block() {
-    put(Message::RemoveBlock);
-}
-
-fn put(message: Message) {
+/// Changes the display, if messages are queued.
+pub fn display(message: Message) {
     if let Some(queue) = QUEUE.get() {
         queue.put(message);
     }
-}
-
-/// Prints without the queue, even if it blocks: the program may end right after a panic.
-pub fn write_unqueued(text: &str) {
-    write(text);
 }
 
 /// Starts the writing thread. From then on messages are queued; [`flush`] waits for them at the end.
@@ -159,7 +140,8 @@ fn write_one(message: Message, screen: &mut Option<Screen>) {
     };
 }
 
-fn write(text: &str) {
+/// Prints without the queue, even if it blocks: the program may end right after a panic.
+pub fn write(text: &str) {
     // A failed write to standard error is ignored: nobody reads it.
     let _ = std::io::stderr().write_all(text.as_bytes());
 }

@@ -141,9 +141,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(
 }
 
 fn recording(path: &Path, loaded: Loaded) -> Result<(Read, Motion), Failure> {
-    for warning in &loaded.warnings {
-        eprint(&format!("warning: {warning}\n"));
-    }
+    loaded.warn();
     let recording = loaded.recording;
     let processed =
         processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;

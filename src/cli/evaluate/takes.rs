@@ -73,9 +73,7 @@ fn each_take<T>(
             continue;
         }
         let (loaded, path, parts) = load(name, path, &files, import)?;
-        for warning in &loaded.warnings {
-            eprint(&format!("warning: {warning}\n"));
-        }
+        loaded.warn();
         joined.extend(parts);
         takes.push(take(name.clone(), path, loaded.recording));
     }

@@ -1,7 +1,8 @@
 //! Commands typed while a graph runs.
 
 use super::super::keys::Editor;
-use super::super::{eprint, screen, stderr};
+use super::super::stderr::{self, Message};
+use super::super::{eprint, screen};
 use crate::engine::settings::closest;
 use crate::live::supervisor::RequestSender;
 use crate::signal::files::{self, Refusal};
@@ -117,7 +118,7 @@ fn read_keys(send: &mut impl FnMut(ConsoleCommand) -> bool) {
         let Ok(byte) = byte else { break };
         let line = editor.feed(byte);
         screen::type_in(Some(editor.prompt()));
-        stderr::redraw_input();
+        stderr::display(Message::InputChanged);
         let Some(line) = line else { continue };
         eprint(&format!("> {line}\n"));
         if ConsoleCommand::parse(&line).is_some_and(|command| !send(command)) {

@@ -2,8 +2,9 @@
 //! as an offline run.
 
 use super::super::keys::RawMode;
+use super::super::stderr::{self, Message};
 use super::super::terminal::is_coloured;
-use super::super::{Failure, built, eprint, panic_hook, screen, stderr, warn};
+use super::super::{Failure, built, eprint, panic_hook, screen, warn};
 use super::console::{self, ConsoleCommand, HELP, HELP_LINES};
 use super::endpoints::Endpoints;
 use super::facts::facts_of;
@@ -70,7 +71,7 @@ fn run_with(
     }
     terminal.report_panics();
     screen::type_in(None);
-    stderr::remove_block();
+    stderr::display(Message::RemoveBlock);
     drop(keys);
     let mut ended = supervisor.finish().map_err(message)?;
     // All devices are idle from here on.

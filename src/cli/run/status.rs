@@ -1,6 +1,7 @@
 //! Status display of a live run: a line per second, or a block of lines on a terminal.
 
-use super::super::{eprint, screen, stderr};
+use super::super::stderr::{self, Message};
+use super::super::{eprint, screen};
 use crate::engine::graph::Graph;
 use crate::engine::node::FileProgress;
 use crate::engine::run::{ActuatorLevel, Meters, RingReport};
@@ -54,7 +55,7 @@ impl StatusDisplay {
         }
         self.shown += every;
         match self.block {
-            true => stderr::show_block(self.lines(&status())),
+            true => stderr::display(Message::Block(self.lines(&status()))),
             false => eprint(&self.line(&status())),
         }
     }

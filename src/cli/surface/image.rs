@@ -1,6 +1,7 @@
 //! `haptograph surface image`: visual roughness and fineness of a photograph (thesis 3.2.1 and 3.2.4).
 
 use super::Failure;
+use crate::cli::import::number;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{facts, significant};
 use crate::learning::metrics::{GrayImage, fineness_per_mm, roughness};
@@ -30,8 +31,7 @@ pub struct Arguments {
 
 /// Reads a width of 1 mm to 10 m: the Gaussian that is taken off has a fixed width.
 fn millimetres(text: &str) -> Result<f64, String> {
-    let mm = text.parse::<f64>().ok();
-    mm.filter(|mm| (1.0..=1e4).contains(mm)).ok_or_else(|| "expected a number from 1 to 10000".to_owned())
+    number(text, 1.0..=1e4, "expected a number from 1 to 10000")
 }
 
 /// Largest width and height, pixels.
