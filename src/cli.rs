@@ -357,6 +357,11 @@ pub(crate) fn refuse_overwrite(
     }
 }
 
+/// Creates a folder with those above it.
+pub(crate) fn make_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(Failure::doing("make the folder", folder))
+}
+
 /// The existing folder of an output file. Commands check it before they compute anything.
 pub(crate) fn folder_of(path: &Path) -> Result<&Path, Failure> {
     let folder = match path.parent() {

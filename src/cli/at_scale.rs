@@ -7,7 +7,7 @@ use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::result::{CommandResult, show};
 use super::table::{significant, table};
-use super::{Failure, eprint, evaluate, folder_of, read_file, recording, run, surface};
+use super::{Failure, eprint, evaluate, folder_of, make_folder, read_file, recording, run, surface};
 use crate::engine::registry::Registry;
 use crate::learning::evaluate::{Study, StudyHead, StudyPart};
 use crate::learning::learn::{self as library, LearnSettings};
@@ -21,7 +21,6 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Debug;
-use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -123,7 +122,7 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
     let compared: Vec<_> = found.into_iter().map(|(_, compared)| compared).collect();
     let head = StudyHead::of(study, &settings, &whole, &takes);
     let part = StudyPart::new(head, &compared);
-    let text = part.to_text().map_err(|error| Failure::file("write", path, &error))?;
+    let text = part.to_text().map_err(Failure::doing("write", path))?;
     show(&PartFacts::of(&output.write(text)?, &part, false), given.json)
 }
 
@@ -152,8 +151,8 @@ impl CommandResult for PartFacts {
 
 fn read_part(path: &Path) -> Result<StudyPart, Failure> {
     let text = files::read_text(path, files::MAX_PART_BYTES);
-    let text = text.map_err(|error| Failure::file("read", path, &error))?;
-    StudyPart::parse(path, &text).map_err(|error| Failure::Message(error.to_string()))
+    let text = text.map_err(Failure::doing("read", path))?;
+    StudyPart::parse(path, &text).map_err(Failure::message)
 }
 
 /// Prints the tables of all parts.
@@ -166,7 +165,7 @@ fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let settings = evaluate::seeded(head.pooling, head.seed);
     let progress = Progress::of("evaluating");
     let found = StudyPart::merged(&parts, &settings, &|part| progress.at(part));
-    let found = found.map_err(|error| Failure::Message(error.to_string()))?;
+    let found = found.map_err(Failure::message)?;
     drop(progress);
     let StudyHead { simulated, recordings, .. } = *head;
     show(&evaluate::Tables { found, simulated, recordings, page: None }, json)
@@ -210,8 +209,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
         .filter(|(_, number)| shard.is_none_or(|shard| shard.has(*number)))
         .map(|(item, _)| item)
         .collect();
-    fs::create_dir_all(&given.output)
-        .map_err(|error| Failure::file("make the folder", &given.output, &error))?;
+    make_folder(&given.output)?;
     if given.output.canonicalize().ok() == dir.canonicalize().ok() {
         return Err(Failure::Message(format!(
             "{} is the folder of the recordings; give another folder for the surfaces",

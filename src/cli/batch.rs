@@ -3,7 +3,7 @@
 use super::placing::{Force, Output, note_beside, replaceable};
 use super::progress::Progress;
 use super::result::{CommandResult, Written, show};
-use super::{Failure, eprint, print_json, run, snippet};
+use super::{Failure, eprint, make_folder, print_json, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
@@ -137,7 +137,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     let progress = Progress::of("rendering");
     let done = batch::render(batch, folder, &settings, &|part| progress.at(part), &stop);
     drop(progress);
-    let done = done.map_err(|error| Failure::Message(error.to_string()))?;
+    let done = done.map_err(Failure::message)?;
     for (path, why) in &done.replaced {
         eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
     }
@@ -212,7 +212,7 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
     let progress = Progress::of("merging");
     let merged = batch::merge(parts, output, &|part| progress.at(part));
     drop(progress);
-    let merged = merged.map_err(|error| Failure::Message(error.to_string()))?;
+    let merged = merged.map_err(Failure::message)?;
     let batch::Merged { chunks, jobs } = merged;
     show(&MergedFolder { chunks, folder: output, jobs, parts: parts.len() }, json)
 }
@@ -227,7 +227,7 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
             plan.display()
         )));
     }
-    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
+    make_folder(folder)?;
     let stop = run::stop_on_interrupt()?;
     let progress = Progress::of("rendering");
     let mut written = vec![];

@@ -2,7 +2,7 @@
 
 use super::failure::findings_json;
 use super::result::{CommandResult, show};
-use super::run::{message, refuse_own_files};
+use super::run::refuse_own_files;
 use super::terminal::is_coloured;
 use super::{Failure, GraphArguments, warnings};
 use crate::engine::diagnostic::{Diagnostics, render};
@@ -35,8 +35,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let Some(graph) = sound else {
         return Err(Failure::Graph(findings));
     };
-    refuse_own_files(&graph, false).map_err(message)?;
-    live::refuse_conflicts(&graph).map_err(message)?;
+    refuse_own_files(&graph, false).map_err(Failure::message)?;
+    live::refuse_conflicts(&graph).map_err(Failure::message)?;
     let checked = Checked { findings: findings_json(&findings), warnings: findings, graph, arguments };
     show(&checked, arguments.json)
 }

@@ -26,7 +26,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let found = match list() {
         Err(SoundcardError::NotBuilt) => Vec::new(),
-        found => found.map_err(|error| Failure::Message(error.to_string()))?,
+        found => found.map_err(Failure::message)?,
     };
     let found = Found {
         formats: arguments.formats,

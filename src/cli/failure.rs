@@ -4,6 +4,7 @@ use super::interrupt::INTERRUPTED;
 use super::stderr::{self, eprint};
 use super::terminal::is_coloured;
 use crate::engine::diagnostic::{Diagnostics, render, to_json};
+use std::fmt::Display;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
@@ -42,9 +43,19 @@ pub enum ErrorForm {
 }
 
 impl Failure {
+    /// An error in its own words.
+    pub fn message(error: impl Display) -> Self {
+        Self::Message(error.to_string())
+    }
+
     /// Error of an operation on a file.
-    pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
+    pub fn file(doing: &str, path: &Path, error: &dyn Display) -> Self {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
+    }
+
+    /// The same for the error of a result.
+    pub fn doing<E: Display>(doing: &str, path: &Path) -> impl FnOnce(E) -> Self {
+        move |error| Self::file(doing, path, &error)
     }
 
     /// For a failure after the command has printed its facts: with `--json` standard output holds nothing but

@@ -86,8 +86,8 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         rate_hz: file.rate_hz,
         band_hz: [arguments.from_hz, arguments.to_hz],
     };
-    let found = identify(&sweep, arguments.known())
-        .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
+    let found =
+        identify(&sweep, arguments.known()).map_err(Failure::doing("identify", &arguments.recording))?;
     let simulated = recording::is_simulated(&arguments.recording)?;
     let simulation = match simulated {
         true => Simulation::Whole("The recording is of a simulated actuator.".to_owned()),

@@ -1,10 +1,9 @@
 //! `haptograph man`: manual pages generated from the help texts.
 
 use super::placing::{Force, Output};
-use super::{Failure, print, program};
+use super::{Failure, make_folder, print, program};
 use crate::engine::registry::Registry;
 use crate::engine::settings::closest;
-use std::fs;
 use std::path::PathBuf;
 
 /// Print the manual page of a command, or write all of them
@@ -27,7 +26,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     all.build();
     match &arguments.out {
         Some(folder) => {
-            fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
+            make_folder(folder)?;
             for command in with_inner(&all) {
                 let name = page_name(command);
                 let output = Output::claim(&folder.join(format!("{name}.1")), arguments.force)?;

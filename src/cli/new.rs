@@ -25,8 +25,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         let message = format!("{} exists already; give another name", path.display());
         return Err(Failure::Message(message));
     }
-    files::write_atomically(path, STARTER.as_bytes())
-        .map_err(|error| Failure::file("write", path, &error))?;
+    files::write_atomically(path, STARTER.as_bytes()).map_err(Failure::doing("write", path))?;
     let shown = path.display();
     let advice =
         format!("\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n");

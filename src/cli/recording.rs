@@ -146,7 +146,7 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
     let note = note_beside(path);
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     match files::read_text(&note, MAX_NOTE_BYTES) {
-        Ok(text) => options.from_str(&text).map_err(|error| Failure::file("read", &note, &error)),
+        Ok(text) => options.from_str(&text).map_err(Failure::doing("read", &note)),
         Err(_) => Ok(Note::default()),
     }
 }

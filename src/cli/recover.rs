@@ -61,7 +61,7 @@ struct Repaired {
 type Done = Result<String, Failure>;
 
 fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
-    let kind = fs::symlink_metadata(path).map_err(|error| Failure::file("read", path, &error))?;
+    let kind = fs::symlink_metadata(path).map_err(Failure::doing("read", path))?;
     if kind.is_symlink() {
         let message = "it is a symbolic link; give its target";
         return Err(Failure::file("recover", path, &message));
@@ -184,7 +184,7 @@ fn recording(spool: &Path) -> Done {
     if fs::symlink_metadata(&path).is_ok() {
         return Ok(format!("{}: exists already and is kept", path.display()));
     }
-    assemble(spool, &path).map_err(|error| Failure::file("make the recording of", spool, &error))?;
+    assemble(spool, &path).map_err(Failure::doing("make the recording of", spool))?;
     Ok(format!("{}: assembled from {}, which is kept", path.display(), spool.display()))
 }
 

@@ -215,7 +215,7 @@ struct Completion {
 impl<'a> RunSetup<'a> {
     fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
         let target = target(arguments);
-        refuse_own_files(graph, arguments.record).map_err(message)?;
+        refuse_own_files(graph, arguments.record).map_err(Failure::message)?;
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.refuse_inputs(graph, &probe.file)?;
             for file in [probe.file.clone(), note_beside(&probe.file)] {
@@ -237,7 +237,7 @@ impl<'a> RunSetup<'a> {
         }
         let folder = RunFolder::beside(&target)?;
         let mut file_sinks = FileSinks::new(graph);
-        file_sinks.open_files(folder.path()).map_err(message)?;
+        file_sinks.open_files(folder.path()).map_err(Failure::message)?;
         outputs::keep_played(graph, folder.path(), &mut file_sinks)?;
         let probes = outputs::open_probes(graph, &arguments.probe, &folder, &mut file_sinks)?;
         if arguments.record {
@@ -299,17 +299,13 @@ impl Completion {
     }
 }
 
-pub fn message(error: impl std::fmt::Display) -> Failure {
-    Failure::Message(error.to_string())
-}
-
 /// Runs with a progress bar; returns the outcome and the elapsed time, s.
 pub fn timed(offline: Offline<'_>, duration_s: f64, stop: &AtomicBool) -> Result<(Outcome, f64), Failure> {
     let bar = progress_bar(duration_s);
     let start = Instant::now();
     let outcome = offline
         .run(duration_s, stop, &mut |done_s| bar.set_position((done_s * 1e3) as u64))
-        .map_err(message)?;
+        .map_err(Failure::message)?;
     let took_s = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
     Ok((outcome, took_s))

@@ -110,8 +110,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         },
     };
     let progress = (arguments.method == Method::Genetic).then(|| Progress::unknown("evolving"));
-    let found =
-        segment(&signal, &settings).map_err(|error| Failure::file("segment", &arguments.file, &error))?;
+    let found = segment(&signal, &settings).map_err(Failure::doing("segment", &arguments.file))?;
     drop(progress);
     let Segmentation { breaks, orders, mdl } = found;
     let segments = Segments { breaks, orders, mdl, simulated, samples: signal.len() };

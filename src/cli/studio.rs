@@ -116,7 +116,7 @@ fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
 
 /// The address and code for other machines, with a warning.
 fn invitation(url: &str) -> Result<String, Failure> {
-    let code = qrcode::QrCode::new(url).map_err(|error| Failure::Message(error.to_string()))?;
+    let code = qrcode::QrCode::new(url).map_err(Failure::message)?;
     // Dark on light, as cameras expect it, even on a dark terminal.
     let code = code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build();
     Ok(format!(

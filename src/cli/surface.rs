@@ -58,7 +58,7 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
 
 /// Checks before the work that an output can be written.
 pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
-    files::check_extension(path).map_err(|error| Failure::Message(error.to_string()))?;
+    files::check_extension(path).map_err(Failure::message)?;
     Output::claim(path, force)
 }
 

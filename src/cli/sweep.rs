@@ -4,7 +4,7 @@
 use super::placing::{Force, RunFolder};
 use super::result::{CommandResult, indented, show};
 use super::run::summary::Summary;
-use super::run::{self, message, timed};
+use super::run::{self, timed};
 use super::terminal::is_coloured;
 use super::{Failure, GraphArguments, eprint, warnings};
 use crate::engine::diagnostic::render;
@@ -240,9 +240,9 @@ fn run_one(
     stop: &AtomicBool,
 ) -> Result<Done, Failure> {
     let place = folder.path().join(format!("{number:02}"));
-    fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+    fs::create_dir(&place).map_err(Failure::doing("make the folder", &place))?;
     let mut file_sinks = FileSinks::new(&graph);
-    file_sinks.open_files(&place).map_err(message)?;
+    file_sinks.open_files(&place).map_err(Failure::message)?;
     let mut plotted = run::plotted_signals(&graph, &mut file_sinks);
     let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
     let (outcome, took_s) = timed(offline, arguments.duration_s, stop)?;

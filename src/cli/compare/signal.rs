@@ -143,8 +143,7 @@ fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<(
 fn recording(path: &Path, loaded: Loaded) -> Result<(Read, Motion), Failure> {
     loaded.warn();
     let recording = loaded.recording;
-    let processed =
-        processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
+    let processed = processed(&recording, &Default::default()).map_err(Failure::doing("process", path))?;
     let signals = processed.signals();
     let read = (
         signals.acceleration_m_s2.clone(),

@@ -15,8 +15,7 @@ use std::path::{Path, PathBuf};
 /// Evaluates all drags by hold-out, with a progress bar.
 pub fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
     let progress = Progress::of("holding out");
-    hold_out(takes, settings, &|part| progress.at(part))
-        .map_err(|error| Failure::file("evaluate", dir, &error))
+    hold_out(takes, settings, &|part| progress.at(part)).map_err(Failure::doing("evaluate", dir))
 }
 
 /// Evaluates all taps, circles and presses by hold-out.

@@ -194,7 +194,7 @@ pub fn take_files(dir: &Path) -> Result<Vec<TakeFiles>, Failure> {
 /// The files of a folder by name, without hidden ones.
 pub fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
     let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
-    let entries = entries.map_err(|error| Failure::file("read", dir, &error))?;
+    let entries = entries.map_err(Failure::doing("read", dir))?;
     let mut paths: Vec<PathBuf> = entries
         .into_iter()
         .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))

@@ -144,7 +144,7 @@ pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failu
 /// Moves the files of a probe to their places; true if all are at the requested paths.
 pub fn place_probe(content: &Path, number: usize, file: &Path, force: Force) -> Result<bool, Failure> {
     let folder = file.parent().map_or(Ok(()), fs::create_dir_all);
-    folder.map_err(|error| Failure::file("write", file, &error))?;
+    folder.map_err(Failure::doing("write", file))?;
     let waiting = content.join(PROBES).join(number.to_string());
     let placed = place_all(&waiting, file, force)?;
     Ok(placed == [note_beside(file), file.to_owned()])

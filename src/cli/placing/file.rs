@@ -3,7 +3,7 @@
 
 use super::free_beside;
 use super::manifest::Manifest;
-use crate::cli::{Failure, eprint, folder_of};
+use crate::cli::{Failure, eprint, folder_of, make_folder};
 use crate::signal::files::{self, write_atomically_by};
 use std::ffi::OsStr;
 use std::fmt::Display;
@@ -48,8 +48,7 @@ impl Output {
     fn proved(self) -> Result<Self, Failure> {
         folder_of(&self.path)?;
         let place = replaceable(&self.path, self.force)?;
-        tempfile::tempfile_in(folder_of(&place)?)
-            .map_err(|error| Failure::file("write", &self.path, &error))?;
+        tempfile::tempfile_in(folder_of(&place)?).map_err(Failure::doing("write", &self.path))?;
         Ok(self)
     }
 
@@ -67,7 +66,7 @@ impl Output {
         let made = folder.ancestors().take_while(is_missing).map(Path::to_owned).collect();
         // From here on `drop` removes the created folders.
         let output = Self { path: folder.join("report.html"), force, made };
-        fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
+        make_folder(folder)?;
         output.proved().map(Some)
     }
 
@@ -135,7 +134,7 @@ fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
         list.settle(name, moved.is_ok());
         Ok(())
     });
-    moved.map_err(|error| Failure::file("write", to, &error))?;
+    moved.map_err(Failure::doing("write", to))?;
     if let Err(error) = announced.and(settled) {
         let shown = shown.display();
         eprint(&format!(

@@ -4,7 +4,7 @@
 
 use super::commit::{self, MOVES, MovePlan, Placed, place_probe};
 use super::file::Force;
-use crate::cli::{Failure, eprint};
+use crate::cli::{Failure, eprint, make_folder};
 use crate::signal::files;
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -89,14 +89,14 @@ impl RunFolder {
     /// Creates the folder of a probe, whose files stay there until the run is complete.
     pub fn probe(&self, number: usize) -> Result<PathBuf, Failure> {
         let path = self.content.join(PROBES).join(number.to_string());
-        fs::create_dir_all(&path).map_err(|error| Failure::file("make the folder", &path, &error))?;
+        make_folder(&path)?;
         Ok(path)
     }
 
     /// Adds a whole file or none.
     pub fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
         let path = self.content.join(name);
-        files::write_atomically(&path, text.as_bytes()).map_err(|error| Failure::file("write", &path, &error))
+        files::write_atomically(&path, text.as_bytes()).map_err(Failure::doing("write", &path))
     }
 
     /// Moves the files to their place, and those of probes to theirs: all or none of the run's. Unchanged files of an
@@ -114,7 +114,7 @@ impl RunFolder {
 
     fn try_to_commit(&self, probes: &[PathBuf], force: Force) -> Result<(Placed, Vec<PathBuf>), Failure> {
         let plan = MovePlan::begin(&self.content, &self.place, probes)
-            .map_err(|error| Failure::file("write", &self.content.join(MOVES), &error))?;
+            .map_err(Failure::doing("write", &self.content.join(MOVES)))?;
         let mut there = Vec::new();
         for (number, probe) in probes.iter().enumerate() {
             if place_probe(&self.content, number, probe, force)? {
@@ -123,7 +123,7 @@ impl RunFolder {
         }
         commit::refuse_foreign(&self.target, &self.place)?;
         let placed = commit::place(&self.content, &self.place, &plan)
-            .map_err(|error| Failure::file("put the run in place at", &self.target, &error))?;
+            .map_err(Failure::doing("put the run in place at", &self.target))?;
         Ok((placed, there))
     }
 }
@@ -167,7 +167,7 @@ fn resolved(target: &Path) -> Result<PathBuf, Failure> {
         let message = "it is a broken link; create its target folder, or give another folder by --out";
         return Err(Failure::file("write into", target, &message));
     }
-    let named = std::path::absolute(target).map_err(|error| Failure::file("write into", target, &error))?;
+    let named = std::path::absolute(target).map_err(Failure::doing("write into", target))?;
     if named.file_name().is_none() {
         let message = "it does not name a folder; give another one by --out";
         return Err(Failure::file("write into", target, &message));

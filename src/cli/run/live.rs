@@ -10,7 +10,7 @@ use super::endpoints::Endpoints;
 use super::facts::facts_of;
 use super::status::StatusDisplay;
 use super::summary::Summary;
-use super::{Arguments, RunSetup, lasts_a_frame, message, refuse_own_files, stop_on_interrupt};
+use super::{Arguments, RunSetup, lasts_a_frame, refuse_own_files, stop_on_interrupt};
 use crate::engine::diagnostic::render;
 use crate::engine::registry::Registry;
 use crate::live::soundcard::card_requests;
@@ -44,14 +44,14 @@ fn run_with(
     warn(run.graph());
     lasts_a_frame(run.graph(), arguments.duration_s)?;
     built::refuse_missing(run.graph(), arguments.graph.endpoints())?;
-    let run = run.connect().map_err(message)?;
+    let run = run.connect().map_err(Failure::message)?;
     let graph = Arc::clone(run.graph());
     let mut setup = RunSetup::begin(&arguments, &graph)?;
     let stop = stopping()?;
     let live_guard = panic_hook::LiveGuard::begin();
     let folder = Some(setup.completion.folder.path());
     let started = run.start(setup.file_sinks, folder, Arc::clone(&stop));
-    let mut supervisor = started.map_err(message)?;
+    let mut supervisor = started.map_err(Failure::message)?;
     setup.completion.folder.begin();
     introduce(&arguments, &supervisor);
     if card_requests(&graph).is_ok_and(|cards| cards.output.is_some()) {
@@ -73,7 +73,7 @@ fn run_with(
     screen::type_in(None);
     stderr::display(Message::RemoveBlock);
     drop(keys);
-    let mut ended = supervisor.finish().map_err(message)?;
+    let mut ended = supervisor.finish().map_err(Failure::message)?;
     // All devices are idle from here on.
     drop(live_guard);
     if panicked {

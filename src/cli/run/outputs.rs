@@ -1,7 +1,7 @@
 //! Signals written in addition to the graph's own sinks: probes and records.
 
 use super::super::placing::RunFolder;
-use super::super::{Failure, recording};
+use super::super::{Failure, make_folder, recording};
 use crate::engine::graph::{Graph, TemplateOutput};
 use crate::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
 use crate::engine::run::{FileSinks, Probe};
@@ -10,7 +10,6 @@ use crate::live::soundcard::{CardOutputSink, output_sinks};
 use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use crate::report::record::{WatchedOutput, watch};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Subfolder for `--record`.
@@ -44,8 +43,7 @@ pub fn open_probes(
         let name = argument.file.file_name().map(PathBuf::from).unwrap_or_default();
         let path = folder.probe(number)?.join(name);
         let writer = match is_wav(&path) {
-            true => open_to_fit(&path, &watch.stream)
-                .map_err(|error| Failure::file("write", &argument.file, &error))?,
+            true => open_to_fit(&path, &watch.stream).map_err(Failure::doing("write", &argument.file))?,
             false => writer(&path, &watch.stream)?,
         };
         file_sinks.probe(Probe { node: watch.node, output: watch.output, writer });
@@ -82,7 +80,7 @@ fn is_wav(path: &Path) -> bool {
 /// Writes every output into `record/`: as WAV if that format can hold it, otherwise as CSV.
 pub fn record_all(graph: &Graph, folder: &RunFolder, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
     let place = folder.path().join(RECORD);
-    fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+    make_folder(&place)?;
     let mut names = Vec::new();
     for watch in outputs(graph) {
         let name = unlike(&mut names, &watch.stream.name);
@@ -153,7 +151,7 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
         CsvSink::build(CsvSinkSettings { file }, &context)
     };
     let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
-    sink.open(path, &context.streams).map_err(|error| Failure::file("write", path, &error))
+    sink.open(path, &context.streams).map_err(Failure::doing("write", path))
 }
 
 /// The output with this name, as an input would state it.

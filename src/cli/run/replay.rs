@@ -2,7 +2,7 @@
 
 use super::super::Failure;
 use super::summary::Summary;
-use super::{Arguments, RunSetup, message, progress_bar, stop_on_interrupt};
+use super::{Arguments, RunSetup, progress_bar, stop_on_interrupt};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline};
 use crate::live::supervisor::replay;
@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
         run_folder.begin();
         bar.set_position((done_s * 1e3) as u64)
     });
-    let outcome = outcome.map_err(message)?;
+    let outcome = outcome.map_err(Failure::message)?;
     bar.finish_and_clear();
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
     summary.add(vec![("replay", "Repeats", json!(folder.to_string_lossy()))], replay::differences(&facts));

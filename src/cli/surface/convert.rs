@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let next = load(path)?;
         surface = Some(match surface {
             None => next,
-            Some(first) => merge(first, next).map_err(|error| Failure::file("add", path, &error))?,
+            Some(first) => merge(first, next).map_err(Failure::doing("add", path))?,
         });
     }
     // Clap requires at least one file.

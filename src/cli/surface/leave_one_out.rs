@@ -46,7 +46,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let textures: Vec<&TextureModel> = surfaces.iter().filter_map(|one| one.texture.as_ref()).collect();
     let progress = Progress::of("leaving out");
     let found = leave_one_out(&textures, &|part| progress.at(part))
-        .map_err(|error| Failure::file("compare maps of", &arguments.paths[0], &error))?;
+        .map_err(Failure::doing("compare maps of", &arguments.paths[0]))?;
     drop(progress);
     show(&Compared(found), arguments.json)
 }

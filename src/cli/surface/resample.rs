@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let surface = load(&arguments.input)?;
     let (surface, resampled) = resample_surface(&surface, arguments.rate_hz, method)
-        .map_err(|error| Failure::file("resample", &arguments.input, &error))?;
+        .map_err(Failure::doing("resample", &arguments.input))?;
     let output = save(&surface, &output)?;
     let resampled = Resampled {
         rate_hz: arguments.rate_hz,

@@ -46,8 +46,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     warn_of_mixed_forces(&surfaces);
     let found = measure(&surfaces, arguments.seed)?;
     let count = arguments.count.unwrap_or(USUAL_COUNT.min(found.len().div_ceil(2)));
-    let selection =
-        select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
+    let selection = select(&found, count).map_err(Failure::doing("select from", &arguments.dir))?;
     let chosen = selection.chosen.iter().filter_map(|&i| surfaces[i].texture.as_ref());
     let middle = centre_of(chosen);
     show(&Selected::new(&found, selection, middle), arguments.json)
@@ -72,7 +71,7 @@ fn warn_of_mixed_forces(surfaces: &[Surface]) {
 /// All surfaces below a folder; parts of one material are joined.
 pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
     let mut paths = vec![];
-    walk(dir, &mut paths).map_err(|error| Failure::file("read", dir, &error))?;
+    walk(dir, &mut paths).map_err(Failure::doing("read", dir))?;
     paths.sort();
     let mut by_name: BTreeMap<String, (PathBuf, Surface)> = BTreeMap::new();
     let mut clashes = vec![];
