@@ -3,7 +3,6 @@
 //!
 //! A program with its own nodes calls [`main`] with its registry and gets every command.
 
-mod at_scale;
 mod batch;
 mod bench;
 mod built;
@@ -190,7 +189,7 @@ fn commands() -> Vec<Command> {
             .example("surface leave-one-out Models10000Hz/XML")
             .example("surface image canvas.png --mm 63.5"),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
-        Command::new("evaluate", at_scale::evaluate)
+        Command::new("evaluate", evaluate::shards::run)
             .example("evaluate recordings --report out/evaluation")
             .example("evaluate recordings --shard 1/8 -o parts/1.ron")
             .example("evaluate merge parts/1.ron parts/2.ron"),

@@ -148,3 +148,37 @@ pub fn whole<'a, H: PartialEq, T>(
         None => Ok(found.into_values().collect()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+
+    #[test]
+    fn a_pass_keeps_what_is_there_and_computes_what_is_missing_or_damaged() {
+        let stop = AtomicBool::new(false);
+        let find = |item| match item {
+            0 => Ok(Some("there")),
+            1 => Err("cut short".to_owned()),
+            _ => Ok(None),
+        };
+        let compute = |item| {
+            stop.fetch_or(item == 5, Ordering::Relaxed);
+            Ok::<_, Infallible>((item != 3).then_some("new"))
+        };
+        let pass = |shard: Option<&str>| {
+            stop.store(false, Ordering::Relaxed);
+            let shard = shard.map(|shard| shard.parse().unwrap());
+            let Ok(outcomes) = resume((1, 8, shard), (&|_| (), &stop), find, compute);
+            outcomes
+        };
+        let (new, absent) = (Outcome::Computed("new", None), Outcome::Absent);
+        let damaged = Outcome::Computed("new", Some("cut short".to_owned()));
+        let kept = Outcome::Kept("there");
+        // Item 3 is stopped while it is computed, and the pass after item 5.
+        let whole = [&kept, &damaged, &new, &absent, &new, &new, &absent, &absent];
+        assert_eq!(pass(None).iter().collect::<Vec<_>>(), whole);
+        let even = [&kept, &absent, &new, &absent, &new, &absent, &new, &absent];
+        assert_eq!(pass(Some("1/2")).iter().collect::<Vec<_>>(), even);
+    }
+}

@@ -1,6 +1,6 @@
 //! `haptograph batch`: a data set of many rendered vibrations, described by a plan.
 
-use super::placing::{Force, Output, note_beside, replaceable};
+use super::placing::{Force, Output, replaceable};
 use super::progress::Progress;
 use super::result::{CommandResult, Written, show};
 use super::{Failure, eprint, make_folder, print_json, run, snippet};
@@ -258,7 +258,7 @@ fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<
     };
     let path = folder.join(format!("job-{number}.wav"));
     let output = Output::claim(&path, force)?;
-    replaceable(&note_beside(&path), force)?;
+    replaceable(&path.with_added_extension("ron"), force)?;
     let vibration = batch::vibration(batch, job).map_err(|error| failed(&error))?;
     let write = |path: &Path| {
         let mut writer = open_to_fit(path, &stream)?;

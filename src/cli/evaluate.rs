@@ -1,32 +1,29 @@
 //! `haptograph evaluate`: the error of virtual surfaces against recordings of the real ones (thesis 2.5).
 
 mod holdout;
+pub mod shards;
+mod tables;
 mod takes;
 
-use takes::read_takes;
-pub(super) use takes::{TakeFiles, list_takes, listed, recording_name, take_files};
+pub(super) use tables::Centre;
+pub(super) use takes::{TakeFiles, hash, recording_name, take_files};
 
 use super::import::Import;
 use super::placing::{Force, Output};
 use super::progress::Progress;
-use super::result::{CommandResult, show};
-use super::table::{facts, significant, table};
+use super::result::show;
 use super::{Failure, eprint, learn as learning};
 use crate::engine::registry::Registry;
-use crate::learning::evaluate::{
-    ConditionLoss, DifferenceTable, Evaluation, HoldoutSettings, PerceptualMap, Study, StudyError,
-    StudySettings, TakeSource,
-};
+use crate::learning::evaluate::{Evaluation, HoldoutSettings, Study, StudyError, StudySettings, TakeSource};
 use crate::learning::learn::{LearnSettings, learn};
 use crate::learning::metrics::Pooling;
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings};
-use crate::report::evaluation::people_table;
 use crate::surfaces::Origin;
 use clap::ValueEnum;
-use serde::{Serialize, Serializer};
-use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use tables::Tables;
+use takes::{list_takes, read_takes};
 
 /// What to evaluate, and how
 #[derive(Debug, clap::Args)]
@@ -38,7 +35,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) force: Force,
+    force: Force,
     /// The windows whose deviations scale the spectral difference: those of the compared pair, or those of
     /// all pairs. Textures and materials are shown by both, the chosen one first
     #[arg(long, value_enum, default_value = "all")]
@@ -54,16 +51,16 @@ pub struct Arguments {
     seed: u64,
     /// Print tables and map as JSON
     #[arg(long)]
-    pub(super) json: bool,
+    json: bool,
     #[command(flatten)]
-    pub(super) settings: learning::Settings,
+    settings: learning::Settings,
     #[command(flatten)]
-    pub(super) import: Import,
+    import: Import,
 }
 
 impl Arguments {
     /// The folder of recordings. Clap requires it if there is no subcommand.
-    pub(super) fn dir(&self) -> &Path {
+    fn dir(&self) -> &Path {
         self.dir.as_deref().unwrap_or(Path::new("."))
     }
 }
@@ -179,7 +176,7 @@ fn write_report(
     page.write(&crate::report::evaluation::page(&title(arguments.dir()), found, &learned))
 }
 
-pub(super) fn study_settings(arguments: &Arguments) -> StudySettings {
+fn study_settings(arguments: &Arguments) -> StudySettings {
     let pooling = match arguments.pooling {
         PoolingArgument::Pair => Pooling::Pair,
         PoolingArgument::All => Pooling::All,
@@ -192,7 +189,7 @@ pub(super) fn study_settings(arguments: &Arguments) -> StudySettings {
 }
 
 /// Settings for the comparison and the map, independent of the learning method.
-pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
+fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
     let mut settings = StudySettings::default();
     (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
     settings.table.synthesis.seed = seed;
@@ -200,216 +197,4 @@ pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
     settings.map.walk.seed = seed;
     settings.map.seed = seed;
     settings
-}
-
-/// The tables and the map of a study.
-pub(super) struct Tables {
-    pub found: Evaluation,
-    /// Number of simulated recordings.
-    pub simulated: usize,
-    pub recordings: usize,
-    pub page: Option<PathBuf>,
-}
-
-impl CommandResult for Tables {
-    fn text(&self) -> String {
-        describe(&self.found) + &conclusion(self.simulated, self.recordings, self.page.as_ref())
-    }
-}
-
-fn describe(found: &Evaluation) -> String {
-    let mut text = format!(
-        "Spectral difference between virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
-         [own material]  * smallest of its row and column\n\n",
-        found.expert, found.expert
-    );
-    let other = found.materials_table.pooled(other(found.materials_table.pooling));
-    for table in [&found.materials_table, &other] {
-        let over = match table.pooling {
-            Pooling::Pair => "the compared pair",
-            Pooling::All => "all compared pairs",
-        };
-        text += &format!("Deviations over the windows of {over}:\n\n{}\n", materials_table(table));
-        let yes = if table.diagonal_is_least() { "yes" } else { "no" };
-        text += &facts(&[
-            ("baseline (mean + 2 sd of the diagonal)", significant(table.baseline(), 3)),
-            ("each texture nearest to its own material", yes.to_owned()),
-            ("smallest margin", margin(table)),
-        ]);
-        text += "\n";
-    }
-    if let Some(people) = &found.people_table {
-        text += "Each person's textures against the same recordings of their own material.\n\n";
-        text += &people_table(people).text();
-    }
-    if let Some(map) = &found.map {
-        text += "\nAll textures against each other, played along one random walk and placed on a map.\n\n";
-        let scree = |values: &[f64], digits: usize| {
-            let values: Vec<String> = values.iter().map(|value| significant(*value, digits)).collect();
-            values.join(" ")
-        };
-        text += &facts(&[
-            ("stress in 1, 2, ... dimensions", scree(&map.scaling.stress, 2)),
-            ("R² of the distances there", scree(&map.scaling.r_squared, 3)),
-            ("purity of k-means groups", significant(map.k_means_purity, 3)),
-            ("purity of hierarchical groups", significant(map.tree_purity, 3)),
-            (
-                "angle of roughness and fineness",
-                map.angle_deg
-                    .map_or_else(|| "none".to_owned(), |angle| format!("{} degrees", significant(angle, 3))),
-            ),
-        ]);
-    }
-    text += &losses(&found.losses);
-    if found.centre.is_some() {
-        text += &format!("\n{}", facts(&[Centre::fact(found.centre.map(Centre::from).as_ref())]));
-    }
-    text
-}
-
-/// The variation that textures lose which respond to force only, speed only, or neither (thesis 4.5.3).
-fn losses(losses: &[ConditionLoss]) -> String {
-    let row = |one: &ConditionLoss| {
-        vec![
-            format!("virtual {}", one.surface),
-            one.condition.symbol().to_owned(),
-            significant(one.loss.power, 3),
-            significant(one.loss.centroid_hz, 3),
-            one.difference.map_or_else(|| "–".to_owned(), |difference| format!("{difference:.2}")),
-        ]
-    };
-    if losses.is_empty() {
-        return String::new();
-    }
-    let rows: Vec<Vec<String>> = losses.iter().map(row).collect();
-    let header = ["", "responds to", "power ((m/s²)²)", "centroid (Hz)", "SD_x"];
-    format!(
-        "\nVariation that is lost if a texture responds to force only (F), speed only (S) or neither (ϕ).\n\n{}",
-        table(&header, &rows)
-    )
-}
-
-/// The centre of a set of surfaces (thesis 4.5.2).
-#[derive(Debug, Serialize)]
-pub(super) struct Centre {
-    force_n: f64,
-    speed_mm_s: f64,
-}
-
-impl From<(f64, f64)> for Centre {
-    fn from((speed_m_s, force_n): (f64, f64)) -> Self {
-        Self { force_n, speed_mm_s: 1000.0 * speed_m_s }
-    }
-}
-
-impl Centre {
-    /// A line of facts.
-    pub fn fact(centre: Option<&Self>) -> (&'static str, String) {
-        let number = |value| significant(value, 3);
-        let shown = centre.map_or_else(
-            || "none: no measured models".to_owned(),
-            |at| format!("{} mm/s, {} N", number(at.speed_mm_s), number(at.force_n)),
-        );
-        ("mean of the measured models up to 2.75 N", shown)
-    }
-}
-
-/// The smallest difference between a texture's own material and its nearest other material, with both names.
-fn margin(table: &DifferenceTable) -> String {
-    table.smallest_margin().map_or_else(
-        || "none".to_owned(),
-        |(margin, row, column)| {
-            format!("{margin:.2} (virtual {} on {})", table.rows[row], table.columns[column])
-        },
-    )
-}
-
-fn other(pooling: Pooling) -> Pooling {
-    match pooling {
-        Pooling::Pair => Pooling::All,
-        Pooling::All => Pooling::Pair,
-    }
-}
-
-fn materials_table(differences: &DifferenceTable) -> String {
-    let rows: Vec<Vec<String>> = differences
-        .rows
-        .iter()
-        .enumerate()
-        .map(|(row, name)| {
-            let cells = differences.differences[row].iter().enumerate().map(|(column, cell)| {
-                let least =
-                    differences.is_least_of_row(row, column) && differences.is_least_of_column(row, column);
-                let star = if least { "*" } else { "" };
-                match cell {
-                    Some(value) if row == column => format!("{star}[{value:.2}]"),
-                    Some(value) => format!("{star}{value:.2} "),
-                    None => "–".to_owned(),
-                }
-            });
-            std::iter::once(format!("virtual {name}")).chain(cells).collect()
-        })
-        .collect();
-    let header: Vec<&str> =
-        std::iter::once("").chain(differences.columns.iter().map(String::as_str)).collect();
-    table(&header, &rows)
-}
-
-impl Serialize for Tables {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let found = &self.found;
-        json!({
-            "materials": found.materials,
-            "people": found.people,
-            "expert": found.expert,
-            "simulated": self.simulated > 0,
-            "table": table_json(&found.materials_table),
-            "tables": {
-                "pooled_over_pair": table_json(&found.materials_table.pooled(Pooling::Pair)),
-                "pooled_over_all": table_json(&found.materials_table.pooled(Pooling::All)),
-            },
-            "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
-            "map": found.map.as_ref().map(map_json),
-            "losses": found.losses.iter().map(loss_json).collect::<Vec<_>>(),
-            "centre": found.centre.map(Centre::from),
-        })
-        .serialize(serializer)
-    }
-}
-
-fn table_json(table: &DifferenceTable) -> Value {
-    json!({
-        "rows": table.rows,
-        "columns": table.columns,
-        "sd": table.differences,
-        "diagonal": table.diagonal(),
-        "baseline": table.baseline(),
-        "diagonal_is_least": table.diagonal_is_least(),
-        "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
-    })
-}
-
-fn map_json(map: &PerceptualMap) -> Value {
-    json!({
-        "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
-        "places": map.scaling.places,
-        "stress": map.scaling.stress,
-        "r_squared": map.scaling.r_squared,
-        "k_means": map.k_means,
-        "k_means_purity": map.k_means_purity,
-        "hierarchical_purity": map.tree_purity,
-        "power": map.power,
-        "spectral_centroid_hz": map.spectral_centroid_hz,
-        "angle_deg": map.angle_deg,
-    })
-}
-
-fn loss_json(one: &ConditionLoss) -> Value {
-    json!({
-        "texture": one.surface,
-        "condition": one.condition.symbol(),
-        "power_m2_s4": one.loss.power,
-        "spectral_centroid_hz": one.loss.centroid_hz,
-        "sd_x": one.difference,
-    })
 }

@@ -1,8 +1,8 @@
 //! `haptograph learn`: learns a surface from recordings (thesis chapters 2 and 4).
 
+mod folder;
 mod summary;
 
-use super::at_scale::{self, Folder};
 use super::import::{Import, Touch, positive};
 use super::placing::{Force, Output};
 use super::progress::Progress;
@@ -48,25 +48,25 @@ pub struct Arguments {
     /// The surface to write: .ron (all of it) or .xml (the parts that the toolkit's format holds); for a
     /// folder of recordings, a folder
     #[arg(short, long, value_name = "SURFACE.ron")]
-    pub(super) output: PathBuf,
+    output: PathBuf,
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) force: Force,
+    force: Force,
     /// Name of the surface; default: the name of the output
     #[arg(long, value_parser = name)]
     name: Option<String>,
     /// Print what was written as JSON
     #[arg(long)]
-    pub(super) json: bool,
+    json: bool,
     /// Learn from drags and taps below 500 Hz too, in which little of what a hand feels is left
     #[arg(long)]
     accept_rate: bool,
     #[command(flatten)]
-    pub(super) folder: Folder,
+    folder: folder::Folder,
     #[command(flatten)]
-    pub(super) settings: Settings,
+    settings: Settings,
     #[command(flatten)]
     touch: Touch,
     #[command(flatten)]
@@ -74,17 +74,17 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    pub(super) fn import(&self) -> Result<ImportSettings, Failure> {
+    fn import(&self) -> Result<ImportSettings, Failure> {
         self.settings.import(&self.import).map(|import| self.touch.added_to(import))
     }
 
     /// True if a flag is given that applies to one surface only.
-    pub(super) fn has_single(&self) -> bool {
+    fn has_single(&self) -> bool {
         let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
         gestures > 0 || self.name.is_some() || self.report.is_some()
     }
 
-    pub(super) fn learning(&self) -> LearnSettings {
+    fn learning(&self) -> LearnSettings {
         LearnSettings {
             processing: self.settings.processing(),
             texture: self.settings.texture(),
@@ -233,9 +233,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         && dir.is_dir()
     {
         refuse_one_surface(dir, &arguments.output)?;
-        return at_scale::learn(arguments, dir);
+        return folder::run_on(arguments, dir);
     }
-    at_scale::refuse_of_files(&arguments.folder)?;
+    folder::refuse_of_files(&arguments.folder)?;
     let files = files(arguments);
     refuse_overwrite(files.iter().flat_map(|(path, _)| recording::parts(path)), &arguments.output)?;
     let import = arguments.import()?;
@@ -303,7 +303,7 @@ impl CommandResult for Learned<'_> {
 
 /// States the files of the recordings in a surface, without their folder: the same recordings give the same surface
 /// wherever they lie.
-pub(super) fn note_files(surface: &mut Surface, files: &[(&Path, Option<Gesture>)]) {
+fn note_files(surface: &mut Surface, files: &[(&Path, Option<Gesture>)]) {
     for (index, (path, _)) in files.iter().enumerate() {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
         let name = format!("recording {} file", index + 1);
@@ -324,7 +324,7 @@ fn refuse_one_surface(dir: &Path, output: &Path) -> Result<(), Failure> {
 }
 
 /// Replaces `recording N` in a message by the name of that recording's file, and names the flag that accepts it.
-pub(super) fn by_file(
+fn by_file(
     said: &str,
     error: &LearnError,
     files: &[(&Path, Option<Gesture>)],
@@ -377,10 +377,7 @@ fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Resul
 }
 
 /// Refuses a recording that is given twice, since it would count twice.
-pub(super) fn refuse_twins(
-    files: &[(&Path, Option<Gesture>)],
-    recordings: &[AnyRecording],
-) -> Result<(), Failure> {
+fn refuse_twins(files: &[(&Path, Option<Gesture>)], recordings: &[AnyRecording]) -> Result<(), Failure> {
     for (index, recording) in recordings.iter().enumerate() {
         if let Some(first) = recordings[..index].iter().position(|earlier| earlier == recording) {
             return Err(Failure::Message(format!(

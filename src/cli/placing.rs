@@ -11,7 +11,7 @@ mod folder;
 mod manifest;
 
 pub use commit::{MOVES, MovePlan, resume};
-pub use file::{Force, Output, note_beside, replaceable};
+pub use file::{Force, Output, replaceable};
 pub use folder::{MARK, MARKER, PARTIAL, PROBES, REPLACED, RunFolder, dead_in, lock};
 pub use manifest::MANIFEST;
 use std::fs;

@@ -1,7 +1,6 @@
 //! Reading recordings and tables for commands: errors are shown at their place in the file, findings are
 //! printed as warnings.
 
-use super::placing::note_beside;
 use super::{Failure, eprint, snippet};
 use crate::engine::settings::closest;
 use crate::learning::recording::{
@@ -143,7 +142,7 @@ pub struct Note {
 
 /// Reads the note beside a file; a missing note gives the defaults.
 pub fn note(path: &Path) -> Result<Note, Failure> {
-    let note = note_beside(path);
+    let note = path.with_added_extension("ron");
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     match files::read_text(&note, MAX_NOTE_BYTES) {
         Ok(text) => options.from_str(&text).map_err(Failure::doing("read", &note)),

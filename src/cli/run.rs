@@ -12,7 +12,7 @@ mod status;
 pub mod summary;
 
 use super::import::number;
-use super::placing::{self, Force, MARK, RunFolder, note_beside, replaceable};
+use super::placing::{self, Force, MARK, RunFolder, replaceable};
 use super::terminal::is_animated;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
@@ -218,7 +218,7 @@ impl<'a> RunSetup<'a> {
         refuse_own_files(graph, arguments.record).map_err(Failure::message)?;
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.refuse_inputs(graph, &probe.file)?;
-            for file in [probe.file.clone(), note_beside(&probe.file)] {
+            for file in [probe.file.clone(), probe.file.with_added_extension("ron")] {
                 replaceable(&file, arguments.force)?;
             }
             if place_of(&probe.file).starts_with(place_of(&target)) {

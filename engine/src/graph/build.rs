@@ -64,9 +64,7 @@ fn refuse_shared_files(cx: &mut Context<'_>, graph: &Attached, works: &[Option<W
     for (node, work) in graph.nodes.iter().zip(works) {
         let Some(Work::File(sink)) = work else { continue };
         let file = sink.file_name();
-        let mut note = file.as_os_str().to_owned();
-        note.push(".ron");
-        for name in [file.to_owned(), note.into()] {
+        for name in [file.to_owned(), file.with_added_extension("ron")] {
             let Some(first) = known.insert(name, node) else {
                 continue;
             };

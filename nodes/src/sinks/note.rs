@@ -6,10 +6,8 @@ use std::path::Path;
 
 /// Writes the note of the file at `path`: `about` in words, then `facts`, each `name: value` in RON.
 pub(super) fn write(path: &Path, about: &str, facts: &[String]) -> io::Result<()> {
-    let mut note = path.as_os_str().to_owned();
-    note.push(".ron");
     let facts: String = facts.iter().map(|fact| format!("    {fact},\n")).collect();
-    std::fs::write(note, format!("// {about}\nRecording(\n{facts})\n"))
+    std::fs::write(path.with_added_extension("ron"), format!("// {about}\nRecording(\n{facts})\n"))
 }
 
 /// Quantity and unit of a signal.

@@ -1,12 +1,14 @@
 //! Loads the takes in a folder.
 
-use crate::cli::{Failure, eprint, recording};
+use crate::cli::{Failure, eprint, read_file, recording};
 use crate::learning::evaluate::{RecordingName, Take, TakeSource};
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings, LoadError, ReadError};
 use crate::signal::files;
 use crate::surfaces::Origin;
+use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -203,6 +205,19 @@ pub fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
         .collect();
     paths.sort();
     Ok(paths)
+}
+
+/// A hash over the names and contents of files, the settings and the version.
+pub fn hash<'a>(files: impl Iterator<Item = &'a PathBuf>, settings: &dyn Debug) -> Result<String, Failure> {
+    let mut hash = Sha256::new();
+    hash.update(format!("haptograph {}\n{settings:?}\n", env!("CARGO_PKG_VERSION")));
+    for path in files {
+        let bytes = read_file(path)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        hash.update(format!("{name} {}\n", bytes.len()));
+        hash.update(bytes);
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 #[cfg(test)]

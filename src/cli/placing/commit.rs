@@ -4,7 +4,7 @@
 //! A kill in between leaves files in two places. A plan of the move is stored in the folder until the move is
 //! complete, so that the next run or `haptograph recover` completes it: see [`MovePlan`].
 
-use super::file::{Force, note_beside, place_all};
+use super::file::{Force, place_all};
 use super::folder::{MARK, MARKER, PARTIAL, PROBES, REPLACED};
 use super::manifest::{MANIFEST, Manifest};
 use super::{Transaction, free_beside, step};
@@ -147,7 +147,7 @@ pub fn place_probe(content: &Path, number: usize, file: &Path, force: Force) -> 
     folder.map_err(Failure::doing("write", file))?;
     let waiting = content.join(PROBES).join(number.to_string());
     let placed = place_all(&waiting, file, force)?;
-    Ok(placed == [note_beside(file), file.to_owned()])
+    Ok(placed == [file.with_added_extension("ron"), file.to_owned()])
 }
 
 /// Moves all files of `content` to `place` and removes `content`.

@@ -97,18 +97,11 @@ impl Output {
     }
 }
 
-/// The path of the note beside a file of samples.
-pub fn note_beside(file: &Path) -> PathBuf {
-    let mut note = file.as_os_str().to_owned();
-    note.push(".ron");
-    note.into()
-}
-
 /// Moves a file and its note, if they wait in a folder, to their places; returns the final paths, the file's last: no
 /// file of samples exists without its full scale.
 pub fn place_all(waiting: &Path, file: &Path, force: Force) -> Result<Vec<PathBuf>, Failure> {
     let mut placed = Vec::new();
-    for target in [note_beside(file), file.to_owned()] {
+    for target in [file.with_added_extension("ron"), file.to_owned()] {
         let from = waiting.join(target.file_name().unwrap_or_default());
         if from.is_file() {
             placed.push(place(&from, &target, force)?);

@@ -43,9 +43,7 @@ pub struct Spool {
 
 /// The spool folder of the recording at `path`.
 pub fn spool_folder(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".part");
-    PathBuf::from(name)
+    path.with_added_extension("part")
 }
 
 impl Spool {

@@ -1,67 +1,26 @@
-//! `learn` and `evaluate` over many recordings, split into parts that may run on several machines. The merged
-//! parts equal the result of one run.
+//! Learns the surfaces of a folder of recordings, in parts that may run on several machines.
 
-use super::evaluate::{TakeFiles, listed, recording_name, take_files};
-use super::learn::{self, by_file};
-use super::placing::{Force, Output};
-use super::progress::Progress;
-use super::result::{CommandResult, show};
-use super::table::{significant, table};
-use super::{Failure, eprint, evaluate, folder_of, make_folder, read_file, recording, run, surface};
-use crate::engine::registry::Registry;
-use crate::learning::evaluate::{Study, StudyHead, StudyPart};
-use crate::learning::learn::{self as library, LearnSettings};
+use super::by_file;
+use crate::cli::evaluate::{TakeFiles, hash, recording_name, take_files};
+use crate::cli::placing::{Force, Output};
+use crate::cli::progress::Progress;
+use crate::cli::result::{CommandResult, show};
+use crate::cli::table::{significant, table};
+use crate::cli::{Failure, eprint, make_folder, recording, run, surface};
+use crate::learning::learn::{LearnSettings, learn};
 use crate::learning::parts::{self, Outcome, Shard};
 use crate::learning::recording::ImportSettings;
-use crate::signal::{files, parallel};
+use crate::signal::parallel;
 use crate::surfaces::{Surface, files as surface_files};
-use clap::{Subcommand, ValueEnum};
+use clap::ValueEnum;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::fmt::Debug;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 /// Setting of a learned surface that holds the hash of its inputs and settings.
 const INPUTS: &str = "inputs sha256";
-
-/// Measure how well learned textures match recordings
-///
-/// Reads all recordings in a folder whose names have the form `<material>.<person>.<take>.<extension>`. For
-/// every material and person it learns a texture from the first take. The person with the most takes is the
-/// expert; the expert's other takes are the test recordings. Prints Table 2.1 of the thesis (textures against
-/// materials, with each texture's own material marked) and, with several people, Table 2.2. `--shard 2/5 -o
-/// PART` learns and compares the second of five parts on any machine; `haptograph evaluate merge` prints the
-/// tables of all parts.
-#[derive(Debug, clap::Args)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-pub struct Evaluate {
-    #[command(subcommand)]
-    merge: Option<Merge>,
-    #[command(flatten)]
-    given: evaluate::Arguments,
-    /// Learn and compare one of several parts of the textures; `merge` prints the tables
-    #[arg(long, value_name = "K/N", requires = "output", conflicts_with_all = ["report", "holdout"])]
-    shard: Option<Shard>,
-    /// The part to write
-    #[arg(short, long, value_name = "PART.ron", requires = "shard")]
-    output: Option<PathBuf>,
-}
-
-#[derive(Debug, Subcommand)]
-enum Merge {
-    /// Merge the parts of an evaluation and print its tables, identical to those of one run
-    Merge {
-        /// The files of all parts
-        #[arg(required = true, value_name = "PART.ron")]
-        parts: Vec<PathBuf>,
-        /// Print tables and map as JSON
-        #[arg(long)]
-        json: bool,
-    },
-}
 
 /// The flags of `learn` for a folder of recordings.
 #[derive(Debug, clap::Args)]
@@ -81,94 +40,6 @@ enum By {
     File,
     /// All recordings of a material, named <material>.<person>.<take>.<extension>
     Material,
-}
-
-pub fn evaluate(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure> {
-    match arguments {
-        Evaluate { merge: Some(Merge::Merge { parts, json }), .. } => merge(parts, *json),
-        Evaluate { given, shard: Some(shard), output: Some(output), .. } => {
-            evaluate_part(given, *shard, output)
-        }
-        Evaluate { given, .. } => evaluate::run(given, registry),
-    }
-}
-
-/// Learns and compares one part of the textures and writes it to a file. An existing part is kept.
-fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Result<(), Failure> {
-    let folder = folder_of(path)?;
-    if folder.canonicalize().ok() == given.dir().canonicalize().ok() {
-        let (path, dir) = (path.display(), given.dir().display());
-        return Err(Failure::Message(format!(
-            "{path} is in {dir}, the folder of the recordings; give a file in another folder"
-        )));
-    }
-    let import = given.settings.import(&given.import)?;
-    let settings = evaluate::study_settings(given);
-    let study = hash(listed(given.dir())?.iter(), &(&settings, &import))?;
-    if let Some(there) = read_part(path).ok().filter(|there| there.head.study == study) {
-        let wanted = (0..there.head.of).filter(|number| shard.has(*number as u64));
-        if there.numbers().eq(wanted) {
-            return show(&PartFacts::of(path, &there, true), given.json);
-        }
-    }
-    let output = Output::claim(path, given.force)?;
-    let takes = evaluate::list_takes(given.dir(), &import)?;
-    let progress = Progress::of("evaluating");
-    let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", given.dir(), error);
-    let whole = Study::of(&takes).map_err(|error| failed(&error))?;
-    let found = whole.compare(Some(shard), &settings, &|part| progress.at(part));
-    let found = found.map_err(|error| failed(&error))?;
-    drop(progress);
-    let compared: Vec<_> = found.into_iter().map(|(_, compared)| compared).collect();
-    let head = StudyHead::of(study, &settings, &whole, &takes);
-    let part = StudyPart::new(head, &compared);
-    let text = part.to_text().map_err(Failure::doing("write", path))?;
-    show(&PartFacts::of(&output.write(text)?, &part, false), given.json)
-}
-
-/// A part of an evaluation.
-#[derive(Serialize)]
-struct PartFacts {
-    kept: bool,
-    of: usize,
-    part: PathBuf,
-    textures: usize,
-}
-
-impl PartFacts {
-    fn of(path: &Path, part: &StudyPart, kept: bool) -> Self {
-        Self { kept, of: part.head.of, part: path.to_owned(), textures: part.numbers().count() }
-    }
-}
-
-impl CommandResult for PartFacts {
-    fn text(&self) -> String {
-        let Self { kept, of, part, textures } = self;
-        let there = if *kept { "; kept the existing part" } else { "" };
-        format!("{textures} of {of} textures: {}{there}\n", part.display())
-    }
-}
-
-fn read_part(path: &Path) -> Result<StudyPart, Failure> {
-    let text = files::read_text(path, files::MAX_PART_BYTES);
-    let text = text.map_err(Failure::doing("read", path))?;
-    StudyPart::parse(path, &text).map_err(Failure::message)
-}
-
-/// Prints the tables of all parts.
-fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
-    let read = |path: &PathBuf| Ok((path.clone(), read_part(path)?));
-    let parts = paths.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
-    let Some(StudyPart { head, .. }) = parts.first().map(|(_, part)| part) else {
-        return Err(Failure::Message("no part given; name the files of all parts".to_owned()));
-    };
-    let settings = evaluate::seeded(head.pooling, head.seed);
-    let progress = Progress::of("evaluating");
-    let found = StudyPart::merged(&parts, &settings, &|part| progress.at(part));
-    let found = found.map_err(Failure::message)?;
-    drop(progress);
-    let StudyHead { simulated, recordings, .. } = *head;
-    show(&evaluate::Tables { found, simulated, recordings, page: None }, json)
 }
 
 /// A surface to learn.
@@ -193,7 +64,7 @@ pub fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
 /// Learns one surface per recording or material of a folder, or of one part of them, into another folder. A
 /// surface learned before from the same recordings and settings is kept. Failures are listed at the end,
 /// after all other surfaces are learned.
-pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
+pub fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
     if given.has_single() {
         return Err(Failure::Message(format!(
             "{} is a folder: --circle, --tap, --press, --name and --report apply to one surface; leave them out, or name files",
@@ -284,14 +155,14 @@ fn learn_item<'a>(
     let load = |path: &PathBuf| Ok(recording::load_with(path, import)?.recording);
     let recordings = item.recordings.iter().map(load).collect::<Result<Vec<_>, Failure>>()?;
     let named: Vec<_> = item.recordings.iter().map(|path| (path.as_path(), None)).collect();
-    learn::refuse_twins(&named, &recordings)?;
-    let (mut surface, report) = library::learn(&item.name, &recordings, settings, &|_| ())
+    super::refuse_twins(&named, &recordings)?;
+    let (mut surface, report) = learn(&item.name, &recordings, settings, &|_| ())
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &named, &recordings)))?;
     for missing in &report.missing {
         let said = by_file(&missing.to_string(), &missing.reason, &named, &recordings);
         eprint(&format!("warning: {}: {said}\n", item.name));
     }
-    learn::note_files(&mut surface, &named);
+    super::note_files(&mut surface, &named);
     surface.provenance = surface.provenance.with_setting(INPUTS, inputs);
     surface::save(&surface, &output)?;
     Ok(LearnedSurface::of(item, &surface))
@@ -447,17 +318,4 @@ fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
         return Err(Failure::file("learn", dir, &"it contains no recording"));
     }
     Ok(items.into_values().collect())
-}
-
-/// A hash over the names and contents of files, the settings and the version.
-fn hash<'a>(files: impl Iterator<Item = &'a PathBuf>, settings: &dyn Debug) -> Result<String, Failure> {
-    let mut hash = Sha256::new();
-    hash.update(format!("haptograph {}\n{settings:?}\n", env!("CARGO_PKG_VERSION")));
-    for path in files {
-        let bytes = read_file(path)?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        hash.update(format!("{name} {}\n", bytes.len()));
-        hash.update(bytes);
-    }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
