@@ -5,7 +5,7 @@ use criterion::{Criterion, Throughput};
 use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::{CheckOptions, Graph, check};
 use haptograph::engine::plan::{Plan, PlanOptions};
-use haptograph::engine::run::{Run, live};
+use haptograph::engine::run::{Run, player};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,9 +44,9 @@ fn graph(criterion: &mut Criterion, path: &Path) {
     group.bench_function("block of 64 frames", |bencher| {
         bencher.iter(|| run.advance(black_box(FRAMES)));
     });
-    let (mut running, mut control) = live(plan);
+    let (mut running, mut control) = player(plan);
     group.bench_function("callback of 64 frames", |bencher| {
-        bencher.iter(|| running.callback(black_box(FRAMES), |_, _| {}));
+        bencher.iter(|| running.process(black_box(FRAMES)));
     });
     control.poll();
     group.finish();

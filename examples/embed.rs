@@ -1,7 +1,8 @@
 //! A texture inside another program, from the program's own positions and forces: `cargo run --example embed`.
 #![allow(clippy::print_stdout)]
 use haptograph::engine::graph::CheckOptions;
-use haptograph::engine::host::{PlayOptions, Player, Scalar, Vector};
+use haptograph::engine::host::{Scalar, Vector};
+use haptograph::engine::run::{Player, SessionOptions};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let graph = haptograph::open("graphs/texturepad.ron", &CheckOptions::hosted())?;
@@ -9,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut force_n = graph.input::<Scalar>("stylus.force")?;
     let mut touching = graph.input::<Scalar>("stylus.touching")?;
     let mut current = graph.output::<Scalar>("haptuator.current")?;
-    let (mut player, _session) = Player::open(&graph, &PlayOptions::default().rested())?;
+    let (mut player, _session) = Player::open(&graph, &SessionOptions::default().rested())?;
     let mut current_a = [0.0; 480];
     for call in 0..100 {
         let angle = f64::from(call) * 0.05;

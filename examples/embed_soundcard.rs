@@ -3,7 +3,8 @@
 
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
 use haptograph::engine::graph::CheckOptions;
-use haptograph::engine::host::{PlayOptions, Player, Scalar, Vector};
+use haptograph::engine::host::{Scalar, Vector};
+use haptograph::engine::run::{Player, SessionOptions};
 use std::time::Duration;
 
 /// Amperes at which the card's output is at full scale: a loud texture stays 14 dB below it.
@@ -16,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut force_n = graph.input::<Scalar>("stylus.force")?;
     let mut touching = graph.input::<Scalar>("stylus.touching")?;
     let mut current_a = graph.output::<Scalar>("haptuator.current")?;
-    let (mut player, _session) = Player::open(&graph, &PlayOptions::default().rested())?;
+    let (mut player, _session) = Player::open(&graph, &SessionOptions::default().rested())?;
 
     let card = cpal::default_host().default_output_device().ok_or("there is no soundcard")?;
     let config =

@@ -8,12 +8,12 @@
 use haptograph::learning::learn::{LearnSettings, learn};
 use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
-use haptograph::recorder::{Session, record};
+use haptograph::recorder::{SimulatedTake, record};
 use haptograph::signal::files::write_atomically;
 use haptograph::surfaces::{Surface, files};
 use std::error::Error;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 /// File and name of each material's surface. The first five share stiffness, friction and fineness with materials of the thesis;
 /// they are simulated, not those materials.
@@ -44,8 +44,8 @@ pub fn learned(material: MaterialName, name: &str) -> Result<Surface, Box<dyn Er
     let gestures =
         [(Gesture::Drag, 10.0), (Gesture::Circle, 10.0), (Gesture::Tap, 10.0), (Gesture::Press, 6.0)];
     let take = |(gesture, seconds)| {
-        let session = Session { material, gesture, person: 1, seconds, seed: 1 };
-        record(&session, &AtomicBool::new(false), &mut |_| ())
+        let session = SimulatedTake { material, gesture, person: 1, seconds, seed: 1 };
+        record(&session, &Arc::default(), &mut |_| ())
     };
     let recordings = gestures.into_iter().map(take).collect::<Result<Vec<_>, _>>()?;
     let (mut surface, _) = learn(name, &recordings, &LearnSettings::default(), &|_| ())?;

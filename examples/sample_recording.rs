@@ -8,16 +8,16 @@
 use haptograph::learning::processing::{ProcessingSettings, processed};
 use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
-use haptograph::recorder::{Session, record};
+use haptograph::recorder::{SimulatedTake, record};
 use haptograph::signal::files::write_atomically;
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 /// What is simulated: `haptograph simulate-recording --material T3 --motion drag --seconds 6 --seed 1`.
-const SESSION: Session =
-    Session { material: MaterialName::T3, gesture: Gesture::Drag, person: 1, seconds: 6.0, seed: 1 };
+const TAKE: SimulatedTake =
+    SimulatedTake { material: MaterialName::T3, gesture: Gesture::Drag, person: 1, seconds: 6.0, seed: 1 };
 const RATE_HZ: f64 = 2000.0;
 const HEAD: &str = "\
 # SIMULATED: no real material. haptograph simulate-recording --material T3 --motion drag --seconds 6 --seed 1
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The file's text.
 pub fn table() -> Result<String, Box<dyn Error>> {
-    let raw = record(&SESSION, &AtomicBool::new(false), &mut |_| ())?;
+    let raw = record(&TAKE, &Arc::default(), &mut |_| ())?;
     let settings = ProcessingSettings { rate_hz: Some(RATE_HZ), ..Default::default() };
     let recording = processed(&raw, &settings)?;
     let signals = recording.signals();

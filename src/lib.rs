@@ -39,16 +39,17 @@ use std::path::Path;
 ///
 /// ```
 /// use haptograph::engine::graph::CheckOptions;
-/// use haptograph::engine::host::{PlayOptions, Player, Scalar};
+/// use haptograph::engine::host::Scalar;
+/// use haptograph::engine::run::{Player, SessionOptions};
 ///
 /// let graph = haptograph::open("graphs/texturepad.ron", &CheckOptions::hosted())?;
 /// let mut force_n = graph.input::<Scalar>("stylus.force")?;
 /// let mut current_a = graph.output::<Scalar>("haptuator.current")?;
-/// let (mut player, session) = Player::open(&graph, &PlayOptions::default())?;
+/// let (mut player, session) = Player::open(&graph, &SessionOptions::default())?;
 /// force_n.set(1.0)?;
 /// player.process(480);
 /// assert_eq!(current_a.waiting(), 480);
-/// let outcome = player.finish(session);
+/// let outcome = session.finish(player);
 /// assert_eq!(outcome.outcome.driver_frames, 480);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -3,9 +3,10 @@
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};
-use haptograph_engine::run::{FileSinks, Offline, OfflineError};
+use haptograph_engine::run::{self, FileSinks, OfflineError, SessionOptions};
 use haptograph_learning::recording::{AnyRecording, Gesture, LoadError, load};
 use haptograph_nodes::simulated::material::MaterialName;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Source text of the recording graph.
@@ -15,7 +16,7 @@ const FILE: &str = "recording.npz";
 
 /// Settings of a simulated recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Session {
+pub struct SimulatedTake {
     /// The simulated material.
     pub material: MaterialName,
     /// Movement of the tool.
@@ -51,30 +52,32 @@ pub enum RecordError {
 /// seconds done.
 ///
 /// # Errors
-/// [`RecordError`]; a session shorter than 0.01 s is too short for a recording.
+/// [`RecordError`]; a take shorter than 0.01 s is too short for a recording.
 pub fn record(
-    session: &Session,
-    stop: &AtomicBool,
+    take: &SimulatedTake,
+    stop: &Arc<AtomicBool>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<AnyRecording, RecordError> {
-    let motion = match session.gesture {
+    let motion = match take.gesture {
         Gesture::Drag => "Drag",
         Gesture::Circle => "Circle",
         Gesture::Tap => "Tap",
         Gesture::Press => "Press",
     };
     let set = [
-        ("material", session.material.as_str().to_owned()),
+        ("material", take.material.as_str().to_owned()),
         ("motion", motion.to_owned()),
-        ("person", session.person.to_string()),
+        ("person", take.person.to_string()),
     ];
-    let options = CheckOptions::default().seed(session.seed);
+    let options = CheckOptions::default().seed(take.seed);
     let options = set.into_iter().fold(options, |options, (name, value)| options.set(name, value));
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;
     let mut file_sinks = FileSinks::new(&graph);
     file_sinks.open_files(folder.path()).map_err(OfflineError::from)?;
-    Offline::new(file_sinks, 0).run(session.seconds, stop, progress)?;
+    let mut options = SessionOptions::default().seconds(take.seconds);
+    options.stop = Arc::clone(stop);
+    run::Session::run_offline(file_sinks, &options, progress)?;
     Ok(load(&folder.path().join(FILE))?)
 }

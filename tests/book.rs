@@ -7,11 +7,10 @@ use haptograph::engine::frame::OneKind;
 use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::node::NodeEntry;
 use haptograph::engine::registry::Registry;
-use haptograph::engine::run::{FileSinks, Offline};
+use haptograph::engine::run::{FileSinks, Session, SessionOptions};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::atomic::AtomicBool;
 
 #[allow(dead_code)]
 #[path = "../examples/custom_kind.rs"]
@@ -262,7 +261,9 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
         let folder = tempfile::tempdir().unwrap();
         let mut outlets = FileSinks::new(&graph);
         outlets.open_files(folder.path()).unwrap();
-        let outcome = Offline::new(outlets, 64).run(4.0, &AtomicBool::new(false), &mut |_| ()).unwrap();
+        let outcome =
+            Session::run_offline(outlets, &SessionOptions::default().block(64).seconds(4.0), &mut |_| {})
+                .unwrap();
         for actuator in &outcome.actuators {
             let held = actuator.clipped.peak + actuator.clipped.continuous;
             assert!(held * 20 < actuator.clipped.ticks, "{name}: {actuator:?}");

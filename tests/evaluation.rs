@@ -12,7 +12,7 @@ use haptograph::learning::metrics::{BandPowers, Bands, Pooling, log_spectral_dis
 use haptograph::learning::processing::{ProcessingSettings, processed};
 use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
-use haptograph::recorder::{Session, record};
+use haptograph::recorder::{SimulatedTake, record};
 use haptograph::signal::Complex64;
 use haptograph::signal::prediction::{Prediction, burg};
 use haptograph::signal::spectrum::{Psd, welch};
@@ -20,12 +20,12 @@ use haptograph::signal::window::Window;
 use haptograph::surfaces::rendering::synthesise;
 use std::f64::consts::TAU;
 use std::ops::Range;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 use std::time::Instant;
 
 fn take(material: MaterialName, person: u64, seed: u64) -> Take {
-    let session = Session { material, gesture: Gesture::Drag, person, seconds: 10.0, seed };
-    let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
+    let session = SimulatedTake { material, gesture: Gesture::Drag, person, seconds: 10.0, seed };
+    let recording = record(&session, &Arc::default(), &mut |_| ()).unwrap();
     let name = RecordingName {
         material: material.as_str().to_owned(),
         person: person.to_string(),

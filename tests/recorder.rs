@@ -7,20 +7,20 @@ mod learn_surfaces;
 mod sink;
 
 use haptograph::engine::graph::CheckOptions;
-use haptograph::engine::run::{FileSinks, Offline};
+use haptograph::engine::run::{FileSinks, Session, SessionOptions};
 use haptograph::learning::learn::LearnSettings;
 use haptograph::learning::learn::stiffness::{StiffnessSettings, learn_stiffness};
 use haptograph::learning::learn::taps::{Contact, learn_taps};
 use haptograph::learning::processing::{ProcessingSettings, SurfaceNormal, processed};
 use haptograph::learning::recording::{AnyRecording, Gesture, load};
 use haptograph::nodes::simulated::material::{Material, MaterialName};
-use haptograph::recorder::{Session, record};
+use haptograph::recorder::{SimulatedTake, record};
 use haptograph::signal::spectrum::welch;
 use haptograph::signal::window::Window;
 use haptograph::surfaces::{Origin, Surface, Tap, files};
 use learn_surfaces::{SHIPPED, learned};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 fn place(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces").join(file)
@@ -96,8 +96,8 @@ fn spread(values: &[f64]) -> f64 {
 fn taps_of_every_material_and_person_begin_at_contact() {
     for (material, _, name) in SHIPPED {
         for seed in 1..=3 {
-            let session = Session { material, gesture: Gesture::Tap, person: seed, seconds: 6.0, seed };
-            let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
+            let session = SimulatedTake { material, gesture: Gesture::Tap, person: seed, seconds: 6.0, seed };
+            let recording = record(&session, &Arc::default(), &mut |_| ()).unwrap();
             let peaks_ms = peaks_ms(&recording);
             assert!(peaks_ms.len() >= 3, "{name}, {seed}: {peaks_ms:?}");
             assert!(spread(&peaks_ms) <= 1.0, "{name}, {seed}: {peaks_ms:?}");
@@ -135,8 +135,8 @@ const FROZEN_DB: [[f64; 3]; 6] = [
 #[test]
 fn simulated_materials_vibrate_as_they_did_when_they_were_measured() {
     for ((material, _, name), frozen) in SHIPPED.into_iter().zip(FROZEN_DB) {
-        let session = Session { material, gesture: Gesture::Drag, person: 1, seconds: 2.0, seed: 1 };
-        let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
+        let session = SimulatedTake { material, gesture: Gesture::Drag, person: 1, seconds: 2.0, seed: 1 };
+        let recording = record(&session, &Arc::default(), &mut |_| ()).unwrap();
         let AnyRecording::Raw(raw) = recording else {
             panic!("a recorder's recordings are raw");
         };
@@ -192,7 +192,7 @@ fn the_press_of_the_thesis_shows_the_stiffness_that_was_simulated() {
     let folder = tempfile::tempdir().unwrap();
     let mut sinks = FileSinks::new(&graph);
     sinks.open_files(folder.path()).unwrap();
-    Offline::new(sinks, 0).run(12.0, &AtomicBool::new(false), &mut |_| ()).unwrap();
+    Session::run_offline(sinks, &SessionOptions::default().block(0).seconds(12.0), &mut |_| {}).unwrap();
     let recording = load(&folder.path().join("recording.npz")).unwrap();
     let AnyRecording::Raw(recording) = recording else { panic!() };
     let settings = LearnSettings::default();

@@ -4,7 +4,7 @@
 use haptograph::engine::diagnostic::Diagnostics;
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, Graph, check};
-use haptograph::engine::run::{FileSinks, Offline};
+use haptograph::engine::run::{FileSinks, Session, SessionOptions};
 use haptograph::signal::spectrum::{arma_density, welch};
 use haptograph::signal::window::Window;
 use haptograph::surfaces::files::{load, native, read_surface, save};
@@ -12,7 +12,6 @@ use haptograph::surfaces::resampling::{Method, resample_surface};
 use haptograph::surfaces::{Coefficients, Interpolator};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 fn graphs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs")
@@ -76,7 +75,7 @@ fn rendered(surface: &Path, seconds: f64) -> Vec<f64> {
     let folder = tempfile::tempdir().unwrap();
     let mut outlets = FileSinks::new(&graph);
     outlets.open_files(folder.path()).unwrap();
-    Offline::new(outlets, 0).run(seconds, &AtomicBool::new(false), &mut |_| ()).unwrap();
+    Session::run_offline(outlets, &SessionOptions::default().block(0).seconds(seconds), &mut |_| {}).unwrap();
     let text = fs::read_to_string(folder.path().join("texture.csv")).unwrap();
     let last = |line: &str| line.rsplit(',').next().unwrap().parse().unwrap();
     text.lines().skip(1).map(last).collect()

@@ -10,7 +10,7 @@ use haptograph_engine::node::{
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{Change, FileSinks, LiveOptions, Run, Session, live};
+use haptograph_engine::run::{Change, FileSinks, Run, Session, SessionOptions, player};
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use rand::{RngExt, SeedableRng};
@@ -102,7 +102,7 @@ fn drivers(criterion: &mut Criterion) {
             .text(),
     );
     let pair = || {
-        let options = LiveOptions::default().block(64).rested();
+        let options = SessionOptions::default().block(64).rested();
         let opened = Session::open_all(FileSinks::new(&graph), &options, None);
         let (mut lives, session) = opened.expect("the system gives a thread");
         let reader = lives.pop().expect("the graph has two drivers");
@@ -113,8 +113,8 @@ fn drivers(criterion: &mut Criterion) {
     let (mut writer, mut reader, _session) = pair();
     group.bench_function("same thread", |bencher| {
         bencher.iter(|| {
-            writer.callback(64, |_, _| {});
-            reader.callback(64, |_, _| {});
+            writer.process(64);
+            reader.process(64);
         });
     });
     let (mut writer, mut reader, _session) = pair();
@@ -126,7 +126,7 @@ fn drivers(criterion: &mut Criterion) {
             match asked.load(Ordering::Acquire) {
                 u64::MAX => break,
                 turn if turn % 2 == 1 => {
-                    writer.callback(64, |_, _| {});
+                    writer.process(64);
                     asked.store(turn + 1, Ordering::Release);
                 }
                 _ => spin_loop(),
@@ -142,7 +142,7 @@ fn drivers(criterion: &mut Criterion) {
                     while turn.load(Ordering::Acquire) == now + 1 {
                         spin_loop();
                     }
-                    reader.callback(64, |_, _| {});
+                    reader.process(64);
                     start.elapsed()
                 })
                 .collect();
@@ -162,9 +162,9 @@ fn swap(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("real-time side of a swap, 1000 nodes");
     // One node more, and the state of all others carried over.
     let plans = [NODES, NODES + 1].map(|nodes| Arc::new(plan(&chain("Copy", nodes), 64)));
-    let (mut running, mut control) = live(Arc::clone(&plans[0]));
+    let (mut running, mut control) = player(Arc::clone(&plans[0]));
     group.bench_function("one frame alone", |bencher| {
-        bencher.iter(|| running.callback(1, |_, _| {}));
+        bencher.iter(|| running.process(1));
     });
     group.bench_function("the same graph", |bencher| {
         bencher.iter_custom(|turns| {
@@ -173,7 +173,7 @@ fn swap(criterion: &mut Criterion) {
                 let sent = control.swap(Arc::clone(&plans[0]));
                 assert!(sent.is_ok(), "the callback takes every command");
                 let start = Instant::now();
-                running.callback(1, |_, _| {});
+                running.process(1);
                 total += start.elapsed();
                 control.poll();
             }
@@ -191,7 +191,7 @@ fn swap(criterion: &mut Criterion) {
                 next = 1 - next;
                 let freed = control.freed();
                 let start = Instant::now();
-                running.callback(1, |_, _| {});
+                running.process(1);
                 total += start.elapsed();
                 control.poll();
                 assert_eq!(control.freed(), freed + 1, "the change came in the callback that was timed");

@@ -26,7 +26,8 @@
 //! use haptograph_engine::device::DeviceEntry;
 //! use haptograph_engine::document::Document;
 //! use haptograph_engine::graph::{CheckOptions, check};
-//! use haptograph_engine::host::{PlayOptions, Player, Scalar};
+//! use haptograph_engine::host::Scalar;
+//! use haptograph_engine::run::{Player, SessionOptions};
 //! use haptograph_engine::frame;
 //! use haptograph_engine::node::{NodeEntry, Port};
 //! use haptograph_engine::registry::Registry;
@@ -51,8 +52,8 @@
 //! let graph = check(&document, &registry, &CheckOptions::default())?;
 //!
 //! let mut position = graph.input::<Scalar>("pad.position")?;
-//! let (mut player, session) = Player::open(&graph, &PlayOptions::default().probe("finger.position"))?;
-//! let mut probe = player.probe::<Scalar>("finger.position")?;
+//! let (mut player, mut session) = Player::open(&graph, &SessionOptions::default().probe("finger.position"))?;
+//! let mut probe = session.probe::<Scalar>("finger.position")?;
 //!
 //! position.push(0.01)?;
 //! position.push(0.02)?;
@@ -61,18 +62,17 @@
 //! let mut frames = [0.0; 3];
 //! assert_eq!(probe.read(&mut frames), 3);
 //! assert_eq!(frames, [0.01, 0.02, 0.02]);
-//! player.finish(session);
+//! session.finish(player);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 mod any;
 mod endpoint;
 mod handles;
-mod player;
+mod open;
 mod queue;
 
 pub use crate::frame::{Scalar, Vector, Wrench};
 pub use any::{AnyInput, AnyOutput};
 pub use endpoint::{Host, HostSettings};
 pub use handles::{Full, HostError, HostFrame, Input, Output};
-pub use player::{PlayOptions, Player, Probes};

@@ -20,7 +20,7 @@ use declared::{Specs, Take};
 pub(crate) use expected::written;
 pub use expected::{Expected, Form};
 pub use fields::{Fields, fields_of, read_choice};
-pub use haptograph_signal::spelling::closest;
+pub use haptograph_signal::spelling::{choices, closest};
 pub(crate) use live::same;
 pub use live::{LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
 pub(crate) use rated::check_at;

@@ -8,14 +8,14 @@ use haptograph_engine::diagnostic::{Diagnostics, render};
 use haptograph_engine::document::Document;
 use haptograph_engine::frame::{AnyKind, Kind};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::host::{HostError, PlayOptions, Player, Scalar};
+use haptograph_engine::host::{HostError, Scalar};
 use haptograph_engine::node::{
     Built, Io, KindRule, NodeEntry, NodeSpec, OfflineOnly, Output, OutputCount, OutputRole, OutputSpec,
     Processor, QuantityRule, ScriptBuild, Scripted, ScriptedKind, Tick,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{ChangeError, FileSinks, LiveOptions, Run, Session};
+use haptograph_engine::run::{ChangeError, FileSinks, Player, Run, Session, SessionOptions};
 use haptograph_engine::settings::{Fields, Reading, SettingSpec};
 use haptograph_signal::quantity::Quantity;
 use std::sync::Arc;
@@ -109,22 +109,22 @@ fn its_settings_are_checked_as_those_of_all_nodes() {
 fn no_live_run_takes_it_unless_nobody_waits() {
     let graph = graph("").unwrap_or_else(|wrong| panic!("{wrong}"));
     let only = OfflineOnly { node: "n".to_owned(), kind: "Counter" };
-    let refused = Player::open(&graph, &PlayOptions::default()).err();
+    let refused = Player::open(&graph, &SessionOptions::default()).err();
     assert!(matches!(refused, Some(HostError::OfflineOnly(found)) if found == only));
-    let refused = Session::open_all(FileSinks::new(&graph), &LiveOptions::default(), None).err();
+    let refused = Session::open_all(FileSinks::new(&graph), &SessionOptions::default(), None).err();
     assert!(refused.is_some_and(|error| error.to_string() == only.to_string()));
 
-    let mut options = PlayOptions::default().probe("n");
-    options.live.offline = true;
+    let mut options = SessionOptions::default().probe("n");
+    options.offline = true;
     let (mut player, mut session) = Player::open(&graph, &options).expect("nobody waits");
-    let mut counted = player.probe::<Scalar>("n").expect("a probe");
+    let mut counted = session.probe::<Scalar>("n").expect("a probe");
     player.process(3);
     let mut got = [0.0; 3];
     assert_eq!(counted.read(&mut got), 3);
     assert_eq!(got, [0.0, 1.0, 2.0]);
     let refused = session.change_and_probe(&graph, None, &[]).err();
     assert!(matches!(refused, Some(ChangeError::OfflineOnly(found)) if found == only));
-    player.finish(session);
+    session.finish(player);
 }
 
 #[test]

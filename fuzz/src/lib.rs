@@ -6,7 +6,7 @@ use haptograph_engine::document::Document;
 use haptograph_engine::document::value::{Body, Shape, Tagged, Value};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{ARRIVALS, FileSinks, LiveOptions, Offline, ReplayBounds, Session};
+use haptograph_engine::run::{ARRIVALS, FileSinks, ReplayBounds, Session, SessionOptions};
 use haptograph_learning::learn::{LearnSettings, learn};
 use haptograph_learning::recording::{self, AnyRecording, ImportSettings};
 use haptograph_live::osc::parse_settings;
@@ -21,7 +21,6 @@ use std::fmt::Display;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
-use std::sync::atomic::AtomicBool;
 
 /// A target by its name.
 pub type Target = (&'static str, fn(&[u8]) -> bool);
@@ -65,7 +64,8 @@ pub fn graph(bytes: &[u8]) -> bool {
         .and_then(|document| check(&document, &REGISTRY, &CheckOptions::default()));
     match found {
         Ok(graph) => {
-            let _ = Offline::new(FileSinks::new(&graph), 0).run(0.002, &AtomicBool::new(false), &mut |_| {});
+            let options = SessionOptions::default().seconds(0.002);
+            let _ = Session::run_offline(FileSinks::new(&graph), &options, &mut |_| {});
             true
         }
         Err(diagnostics) => {
@@ -304,12 +304,12 @@ static LIVE_GRAPH: LazyLock<Graph> = LazyLock::new(|| {
 /// The logs of a short live run, with its graph.
 fn live_run() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let options = LiveOptions::default().rested();
+    let options = SessionOptions::default().rested();
     let opened = Session::open_all(FileSinks::new(&*LIVE_GRAPH), &options, Some(folder.path()));
     let (mut lives, session) = opened.expect("threads and files");
     for _ in 0..10 {
-        lives[1].callback(4, |_, _| {});
-        lives[0].callback(8, |_, _| {});
+        lives[1].process(4);
+        lives[0].process(8);
     }
     session.finish_all(lives);
     folder
@@ -342,7 +342,6 @@ pub fn replay(bytes: &[u8]) -> bool {
             std::fs::write(logs.join(name), content).expect("it can be written");
         }
     }
-    let offline = Offline::new(FileSinks::new(&*LIVE_GRAPH), 0);
-    let stop = AtomicBool::new(false);
-    accepted(offline.replay((folder.path(), &bounds), &stop, &mut |_| {})).is_some()
+    let (sinks, log) = (FileSinks::new(&*LIVE_GRAPH), (folder.path(), &bounds));
+    accepted(Session::replay(sinks, log, &SessionOptions::default(), &mut |_| {})).is_some()
 }

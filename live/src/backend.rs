@@ -2,13 +2,13 @@
 
 use crate::soundcard::{CardCounts, SoundcardError};
 use haptograph_engine::graph::{Graph, GraphDevice};
-use haptograph_engine::run::{Live, RingReport};
+use haptograph_engine::run::{Player, RingReport};
 use haptograph_nodes::network::link::Counts as PacketCounts;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// The real-time sides of a live run that no driver has taken yet, each with its driver clock.
-pub type Lives = Vec<(usize, Live)>;
+pub type Lives = Vec<(usize, Player)>;
 
 /// Reaches the real devices of some kinds in a live run.
 ///

@@ -14,7 +14,7 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 /// ```
 /// use haptograph_engine::document::Document;
 /// use haptograph_engine::graph::{CheckOptions, check};
-/// use haptograph_engine::run::{FileSinks, LiveOptions, Session};
+/// use haptograph_engine::run::{FileSinks, Session, SessionOptions};
 /// use haptograph_live::Connections;
 ///
 /// # if !haptograph_live::udp::BACKEND.is_built { return Ok(()); }
@@ -27,11 +27,11 @@ use haptograph_nodes::network::link::Counts as PacketCounts;
 /// let mut connections = Connections::new(&registry);
 /// connections.connect(&mut graph)?;
 /// println!("send packets to {}", connections.place("stylus").unwrap());
-/// let (mut live, mut session) = Session::open(FileSinks::new(&graph), &LiveOptions::default())?;
+/// let (mut live, mut session) = Session::open(FileSinks::new(&graph), &SessionOptions::default())?;
 /// connections.keep(&graph);
 /// for _ in 0..10 {
 ///     // In the program's own callback.
-///     live.callback(64, |_, _| {});
+///     live.process(64);
 ///     // Elsewhere, now and then.
 ///     session.poll();
 ///     connections.poll();

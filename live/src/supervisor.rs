@@ -38,7 +38,7 @@ use crate::osc::OscControl;
 use crate::protected::Protected;
 use drivers::Drivers;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{LiveOutcome, RingReport, Session};
+use haptograph_engine::run::{RingReport, Session, SessionOutcome};
 use history::{History, Notes};
 use inbox::{Inbox, Ordered};
 use live_settings::LiveSettings;
@@ -163,7 +163,7 @@ struct RunRecord {
 #[non_exhaustive]
 pub struct Ended {
     /// The outcome, as of any run.
-    pub outcome: LiveOutcome,
+    pub outcome: SessionOutcome,
     /// The report.
     pub report: RunReport,
     /// Warnings and notes, one sentence each.
@@ -206,7 +206,7 @@ impl Supervisor {
         }
         match self.parameters.known.iter().any(|(known, _)| known == name) {
             true => Err(SettingError::Parameter(name.to_owned())),
-            false => Err(SettingError::Unknown { name: name.to_owned(), help: self.live_choices(name) }),
+            false => Err(self.session.unknown_setting(name).into()),
         }
     }
 

@@ -1,10 +1,10 @@
-//! Live runs by the library alone: the requests of an embedding program, the events and the report.
+//! Player runs by the library alone: the requests of an embedding program, the events and the report.
 #![allow(clippy::unwrap_used)]
 
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{FileSinks, Live, Offline, Wake};
+use haptograph_engine::run::{FileSinks, Player, Session, SessionOptions, Wake};
 use haptograph_live::supervisor::{
     Ended, Event, Origin, Request, RunOptions, RunReport, SendError, SettingError, StartError, Supervisor,
     replay,
@@ -15,7 +15,6 @@ use haptograph_live::{
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -186,7 +185,7 @@ fn a_handle_is_refused_once_and_follows_its_name_to_another_graph() {
     assert_eq!(run.setting("level").unwrap_err(), SettingError::Parameter("level".to_owned()));
     let unknown = run.setting("out.gian").unwrap_err();
     assert!(
-        matches!(&unknown, SettingError::Unknown { name, help } if name == "out.gian" && help.contains("out.gain"))
+        matches!(&unknown, SettingError::Unknown(unknown) if unknown.name == "out.gian" && unknown.help.contains("out.gain"))
     );
     let handle = run.setting("out.gain").unwrap();
     let refusals = |run: &mut Supervisor, value| {
@@ -325,8 +324,7 @@ fn a_run_is_replayed_from_its_report() {
     assert_eq!(bounds.frames, Some((200, true)));
     let mut sinks = FileSinks::new(&graph);
     sinks.open_files(&again).unwrap();
-    let offline = Offline::new(sinks, 64);
-    offline.replay((&live, &bounds), &AtomicBool::new(false), &mut |_| {}).unwrap();
+    Session::replay(sinks, (&live, &bounds), &SessionOptions::default().block(64), &mut |_| {}).unwrap();
     let of = |folder: &Path| fs::read(folder.join("given.csv")).unwrap();
     assert!(of(&live) == of(&again) && of(&live).len() > 200);
     // A file that cannot be written is named by the error and has a cause.
@@ -357,7 +355,7 @@ const WAKE: Wake = Wake { late_ns: 0, work_ns: 0, frames: 10, lost: 0, overrun: 
 
 /// Drives a whole graph from a thread of its own, as a program's own hardware would.
 #[derive(Default)]
-struct OwnClock<const REPORTS: bool>(Vec<(usize, thread::JoinHandle<Live>)>);
+struct OwnClock<const REPORTS: bool>(Vec<(usize, thread::JoinHandle<Player>)>);
 
 impl<const REPORTS: bool> Backend for OwnClock<REPORTS> {
     fn open(&mut self, graph: &mut Graph) -> Result<(), BackendError> {
@@ -371,7 +369,7 @@ impl<const REPORTS: bool> Backend for OwnClock<REPORTS> {
         self.0.extend(lives.drain(..).map(|(clock, mut live)| {
             let run = move || {
                 while !live.is_idle() {
-                    live.callback(10, |_, _| {});
+                    live.process(10);
                     live.report(WAKE);
                 }
                 live
@@ -382,7 +380,7 @@ impl<const REPORTS: bool> Backend for OwnClock<REPORTS> {
     }
 
     fn status(&self) -> Vec<Connected> {
-        let of = |(clock, thread): &(usize, thread::JoinHandle<Live>)| {
+        let of = |(clock, thread): &(usize, thread::JoinHandle<Player>)| {
             let mut driver = Connected::driver("servo", *clock, "the oscillator of the experiment");
             if thread.is_finished() {
                 driver.state = State::Finished;
@@ -397,7 +395,7 @@ impl<const REPORTS: bool> Backend for OwnClock<REPORTS> {
     }
 
     fn close(&mut self) -> Result<Lives, BackendError> {
-        let ended = |(clock, thread): (usize, thread::JoinHandle<Live>)| Some((clock, thread.join().ok()?));
+        let ended = |(clock, thread): (usize, thread::JoinHandle<Player>)| Some((clock, thread.join().ok()?));
         let all = self.0.drain(..).map(|driver| ended(driver).ok_or(BackendError::Lost));
         all.collect()
     }

@@ -6,7 +6,8 @@
 //! ```
 //! use haptograph_engine::document::Document;
 //! use haptograph_engine::graph::{CheckOptions, check};
-//! use haptograph_engine::host::{PlayOptions, Player, Scalar};
+//! use haptograph_engine::host::Scalar;
+//! use haptograph_engine::run::{Player, SessionOptions};
 //!
 //! let text = r#"Graph(
 //!     format: 1,
@@ -14,13 +15,13 @@
 //!     nodes: { "tone": Sine(clock: "audio", frequency_hz: 12000), "loud": Gain(input: "tone", gain: 2) },
 //! )"#;
 //! let graph = check(&Document::parse("tone.ron", text)?, &haptograph_nodes::registry(), &CheckOptions::default())?;
-//! let (mut player, session) = Player::open(&graph, &PlayOptions::default().probe("loud"))?;
-//! let mut loud = player.probe::<Scalar>("loud")?;
+//! let (mut player, mut session) = Player::open(&graph, &SessionOptions::default().probe("loud"))?;
+//! let mut loud = session.probe::<Scalar>("loud")?;
 //! player.process(4);
 //! let mut samples = [0.0; 4];
 //! assert_eq!(loud.read(&mut samples), 4);
 //! assert!((samples[1] - 2.0).abs() < 1e-9 && (samples[3] + 2.0).abs() < 1e-9);
-//! player.finish(session);
+//! session.finish(player);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -3,11 +3,10 @@
 
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::run::{FileSinks, Offline, Outcome};
+use haptograph_engine::run::{FileSinks, Outcome, Session, SessionOptions};
 use haptograph_nodes::wav::{Format, WavWriter};
 use std::fs::{self, File};
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 /// A driver of 1 kHz and a slower clock of 300 Hz; a file of 37 samples at the latter.
 fn graph(folder: &Path, at_end: &str) -> Graph {
@@ -37,8 +36,8 @@ fn run(graph: &Graph, block: usize) -> (Outcome, [Vec<f32>; 2]) {
     let folder = tempfile::tempdir().unwrap();
     let mut outlets = FileSinks::new(graph);
     outlets.open_files(folder.path()).unwrap();
-    let offline = Offline::new(outlets, block);
-    let outcome = offline.run(0.5, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let options = SessionOptions::default().block(block).seconds(0.5);
+    let outcome = Session::run_offline(outlets, &options, &mut |_| {}).unwrap();
     let samples = ["played.wav", "tone.wav"].map(|file| {
         let mut reader = hound::WavReader::open(folder.path().join(file)).unwrap();
         reader.samples::<f32>().map(Result::unwrap).collect()

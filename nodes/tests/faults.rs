@@ -8,7 +8,7 @@ use haptograph_engine::node::{
     BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Output, Port, Processor, Tick,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Change, LiveState, Run, live};
+use haptograph_engine::run::{Change, PlayerState, Run, player};
 use haptograph_signal::quantity::Quantity;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -199,7 +199,7 @@ fn plague(ticks: impl Fn(&str) -> u64) {
             strongest: 0.0,
             faults: 0,
         };
-        let (mut live, mut control) = live(Arc::clone(&plans[0]));
+        let (mut live, mut control) = player(Arc::clone(&plans[0]));
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let (mut faded, mut through_zero) = (0, 0);
         while live.frames() < ticks(sink) {
@@ -208,10 +208,10 @@ fn plague(ticks: impl Fn(&str) -> u64) {
                 Ok(Change::FadeThroughZero(_)) => through_zero += 1,
                 other => assert_eq!(other, Ok(Change::Settings(0)), "{sink}"),
             }
-            live.callback(random.random_range(1..1500), |run, _| judge.hear(run));
+            live.process_with(random.random_range(1..1500), |run, _| judge.hear(run));
             control.poll();
         }
-        assert_eq!(live.state(), LiveState::Running, "{sink}");
+        assert_eq!(live.state(), PlayerState::Running, "{sink}");
         assert!(
             judge.strongest > CONTINUOUS && judge.faults > 0,
             "{sink}: {}, {} faults",
@@ -298,11 +298,11 @@ fn a_device_that_was_not_driven_rises_from_zero_whatever_its_sink_was_called() {
     let old = graph(&sink("out", "left"));
     let new = graph(&(sink("out", "right") + &sink("more", "left")));
     for (heard, from) in [("out", 0.0), ("more", 1.0)] {
-        let (mut live, mut control) = live(plan(&old, "out"));
-        live.callback(1000, |_, _| {});
+        let (mut live, mut control) = player(plan(&old, "out"));
+        live.process(1000);
         assert_eq!(control.swap(plan(&new, heard)), Ok(Change::CrossFade));
         let mut given = Vec::new();
-        live.callback(200, |run, _| given.extend_from_slice(run.tap(0)));
+        live.process_with(200, |run, _| given.extend_from_slice(run.tap(0)));
         for (frame, given) in given.iter().enumerate() {
             let expected = f64::max(from, (frame as f64 / 100.0).min(1.0));
             assert!((given - expected).abs() < 1e-12, "{heard}: {given} at {frame}");
@@ -328,13 +328,13 @@ fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
     for phase in 0..10 {
         let taps = vec![(out.unwrap(), 0)];
         let plan = Arc::new(Plan::of(&graph, &PlanOptions::default().block(1).taps(taps)).remove(0));
-        let (mut live, control) = live(plan);
+        let (mut live, control) = player(plan);
         let mut delivered = Vec::new();
-        live.callback(1000 + phase, |run, _| delivered.extend_from_slice(run.tap(0)));
+        live.process_with(1000 + phase, |run, _| delivered.extend_from_slice(run.tap(0)));
         assert_eq!(delivered.last(), Some(&1.5));
         control.stop();
-        live.callback(10_000, |run, _| delivered.extend_from_slice(run.tap(0)));
-        assert_eq!(live.state(), LiveState::Stopped);
+        live.process_with(10_000, |run, _| delivered.extend_from_slice(run.tap(0)));
+        assert_eq!(live.state(), PlayerState::Stopped);
         assert_eq!(delivered.last(), Some(&0.0), "phase {phase}");
         let steps = delivered.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         assert!(steps.fold(0.0, f64::max) <= 0.05 + 1e-12, "phase {phase}");
@@ -359,11 +359,11 @@ fn the_end_takes_a_sink_slower_than_its_driver_to_zero_too() {
         .unwrap_or_else(|wrong| panic!("{wrong}"));
     for phase in 0..10 {
         let plan = Arc::new(Plan::of(&graph, &PlanOptions::default()).remove(0));
-        let (mut live, _control) = live(plan);
+        let (mut live, _control) = player(plan);
         live.end_after(1000 + phase);
         let mut wakes = 0;
         while !live.is_idle() {
-            live.callback(16, |_, _| {});
+            live.process(16);
             wakes += 1;
             assert!(wakes < 200, "phase {phase}");
         }

@@ -25,10 +25,9 @@ use haptograph_engine::node::{
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{FileSinks, LiveOptions, Offline, Probe, Session, live};
+use haptograph_engine::run::{FileSinks, Probe, Session, SessionOptions, player};
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 const TINT_SPEC: KindSpec = KindSpec {
@@ -149,7 +148,7 @@ fn play<const N: usize>(graph: &Graph, paths: [&str; N]) -> [Vec<f64>; N] {
         sinks.probe(Probe { node: id(graph, path), output: 0, writer: Box::new(heard.clone()) });
         heard
     });
-    Offline::new(sinks, 64).run(0.3, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    Session::run_offline(sinks, &SessionOptions::default().block(64).seconds(0.3), &mut |_| {}).unwrap();
     heard.map(|heard| std::mem::take(&mut *heard.0.lock().unwrap()))
 }
 
@@ -253,13 +252,13 @@ fn swapped(old: &Graph, new: Option<&Graph>) -> Vec<f64> {
         let options = PlanOptions::default().block(16).tap(id(graph, "out"), 0);
         Arc::new(Plan::of(graph, &options).remove(0))
     };
-    let (mut live, mut control) = live(plan(old));
+    let (mut live, mut control) = player(plan(old));
     let mut heard = Vec::new();
     for part in [64, 136] {
         if let Some(new) = new.filter(|_| part > 64) {
             control.swap(plan(new)).unwrap();
         }
-        live.callback(part, |run, _| heard.extend_from_slice(run.tap(0)));
+        live.process_with(part, |run, _| heard.extend_from_slice(run.tap(0)));
     }
     heard
 }
@@ -310,7 +309,7 @@ fn a_ring_does_not_go_on_as_one_of_another_kind_of_the_same_width() {
         format!(r#"{TINT} "out": Gain(clock: "other", input: Ring(from: "tint", latency_ms: 12), gain: 1),"#);
     for (next, goes_on) in [(format!("{tint} {MORE}"), true), (tint.replace("MakeTint", "MakeHue"), false)] {
         let old = graph(&tint);
-        let options = LiveOptions::default();
+        let options = SessionOptions::default();
         let (mut lives, mut session) = Session::open_all(FileSinks::new(&old), &options, None).unwrap();
         for part in 0..200 {
             if part == 100 {
@@ -322,7 +321,7 @@ fn a_ring_does_not_go_on_as_one_of_another_kind_of_the_same_width() {
             }
             for live in &mut lives {
                 let frames = live.run().rate_hz() / 1000.0;
-                live.callback(frames as usize, |_, _| {});
+                live.process(frames as usize);
             }
         }
         session.finish_all(lives);

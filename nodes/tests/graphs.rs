@@ -9,10 +9,11 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, NodeId, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Change, FileSinks, LiveOptions, NoCrossFade, Run, Runner, Session, live};
+use haptograph_engine::run::{
+    Change, FileSinks, NoCrossFade, Run, Session, SessionOptions, VirtualClock, player,
+};
 use haptograph_surfaces::{Crackle, ModelAt, SpatialLine, Surface, files, resampling};
 use realtime::allocations;
-use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -58,13 +59,6 @@ fn plans(graph: &Graph, block: usize) -> Vec<Arc<Plan>> {
     plans.into_iter().map(Arc::new).collect()
 }
 
-fn round(runner: &mut Runner, mut each: impl FnMut(usize, &Run)) {
-    let Ok(()) = runner.run_quantum(|driver, run| {
-        each(driver, run);
-        Ok::<(), Infallible>(())
-    });
-}
-
 /// A tip that wanders through the origin, and a node that it touches.
 fn touching(folder: &Path, touch: &str) -> Result<Graph, Diagnostics> {
     let text = format!(
@@ -87,9 +81,9 @@ fn contacts(folder: &Path, touch: &str) -> Vec<f64> {
     let taps = outputs(&graph);
     let at = taps.iter().position(|(node, output)| graph.nodes()[*node].path == "touch" && *output == 0);
     let (at, mut samples) = (at.unwrap(), Vec::new());
-    let mut runner = Runner::new(&plans(&graph, 50));
+    let mut clock = VirtualClock::of(&plans(&graph, 50));
     while samples.len() < 12 * 500 {
-        round(&mut runner, |_, run| samples.extend_from_slice(run.tap(at)));
+        clock.run_quantum(|_, run| samples.extend_from_slice(run.tap(at)));
     }
     samples
 }
@@ -197,12 +191,12 @@ fn no_tick_of_a_shipped_graph_allocates() {
                     assert_eq!(allocations(|| run.advance(block)), 0, "{}", path.display());
                 }
             }
-            let mut runner = Runner::new(&plans);
+            let mut clock = VirtualClock::of(&plans);
             for _ in 0..400 {
-                let allocated = allocations(|| round(&mut runner, |_, _| {}));
+                let allocated = allocations(|| clock.run_quantum(|_, _| {}));
                 assert_eq!(allocated, 0, "{}", path.display());
             }
-            assert!(runner.rings().iter().all(|ring| ring.counts().fill_s.is_some()));
+            assert!(clock.rings().iter().all(|ring| ring.counts().fill_s.is_some()));
         }
     }
 }
@@ -214,12 +208,12 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
     for path in shipped() {
         let graph = graph(&path);
         let plans = plans(&graph, 1024);
-        let mut runner = Runner::new(&plans).ending_after(3600.0);
+        let mut clock = VirtualClock::of(&plans).ending_after(3600.0);
         let mut largest: Vec<Vec<f64>> =
             plans.iter().map(|plan| vec![0.0; plan.tap_streams().count()]).collect();
         let mut first_minute = Vec::new();
-        while !runner.is_over() {
-            round(&mut runner, |driver, run| {
+        while !clock.is_over() {
+            clock.run_quantum(|driver, run| {
                 for (tap, largest) in largest[driver].iter_mut().enumerate() {
                     for x in run.tap(tap) {
                         assert!(x.is_finite(), "{}: tap {tap}", path.display());
@@ -227,15 +221,15 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
                     }
                 }
             });
-            let first = &runner.runs()[0];
+            let first = clock.runs().next().unwrap();
             if first_minute.is_empty() && first.driver_frames() as f64 > 60.0 * first.rate_hz() {
                 first_minute.clone_from(&largest);
             }
         }
-        for run in runner.runs() {
+        for run in clock.runs() {
             assert_eq!(run.faults().ticks, 0, "{}", path.display());
         }
-        for ring in runner.rings() {
+        for ring in clock.rings() {
             let counts = ring.counts();
             let troubles = (counts.underruns, counts.overruns, counts.lost_frames);
             assert_eq!(troubles, (0, 0, 0), "{}: {ring:?}", path.display());
@@ -257,13 +251,13 @@ fn no_callback_of_a_swap_allocates() {
             continue;
         }
         let next = || Arc::clone(&plans(&graphs[1], 64)[0]);
-        let (mut live, mut control) = live(Arc::clone(&plans(&graphs[0], 64)[0]));
-        live.callback(1000, |_, _| {});
+        let (mut live, mut control) = player(Arc::clone(&plans(&graphs[0], 64)[0]));
+        live.process(1000);
         let change = control.swap(next()).unwrap();
         // All of the fade, and a swap to the same graph in the middle of it, which waits.
         assert_eq!(control.swap(next()), Ok(Change::Settings(0)));
         for _ in 0..40 {
-            let allocated = allocations(|| live.callback(64, |_, _| {}));
+            let allocated = allocations(|| live.process(64));
             assert_eq!(allocated, 0, "{}", path.display());
         }
         control.poll();
@@ -315,13 +309,13 @@ fn surfaces_of_every_kind_fade_into_each_other() {
         for to in surfaces.iter().filter(|to| *to != from) {
             let plan = plan_of(from);
             let taps = plan.tap_streams().count();
-            let (mut live, mut control) = live(plan);
-            live.callback(20_000, |_, _| {});
+            let (mut live, mut control) = player(plan);
+            live.process(20_000);
             assert_eq!(control.swap(plan_of(to)).unwrap(), Change::CrossFade);
             let mut largest = 0.0_f64;
             for _ in 0..200 {
                 let allocated = allocations(|| {
-                    live.callback(64, |run, _| {
+                    live.process_with(64, |run, _| {
                         for x in (0..taps).flat_map(|tap| run.tap(tap)) {
                             assert!(x.is_finite());
                             largest = largest.max(x.abs());
@@ -357,7 +351,7 @@ fn no_callback_of_several_drivers_allocates() {
         met += 1;
         let outlets = FileSinks::new(&graph);
         let (mut lives, mut session) =
-            Session::open_all(outlets, &LiveOptions::default(), Some(folder.path())).unwrap();
+            Session::open_all(outlets, &SessionOptions::default(), Some(folder.path())).unwrap();
         let setting = session.settings().next().unwrap().name();
         for wake in 0..600 {
             if wake == 300 {
@@ -376,7 +370,7 @@ fn no_callback_of_several_drivers_allocates() {
                 let frames = (live.run().rate_hz() / 1000.0) as usize;
                 // At the end each of them alone: rings run dry, and over.
                 if wake < 400 || (wake < 500) == (driver == 0) {
-                    let allocated = allocations(|| live.callback(frames, |_, _| {}));
+                    let allocated = allocations(|| live.process(frames));
                     assert_eq!(allocated, 0, "{}", path.display());
                 }
             }
@@ -401,15 +395,15 @@ fn an_hour_of_drift_goes_by_between_two_drivers() {
     let graph = Document::parse("drift.ron", text)
         .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));
-    let mut runner = Runner::new(&plans(&graph, 64)).drifting(&[60.0, -40.0]);
+    let mut clock = VirtualClock::of(&plans(&graph, 64)).drifting(&[60.0, -40.0]);
     for rounds in 0..3_600_000_u64 {
-        round(&mut runner, |_, run| {
+        clock.run_quantum(|_, run| {
             // A constant stays what it is, but for the pass band: nothing is skipped and nothing is missing.
             let right = |y: &f64| rounds < 200 || (y - 1.0).abs() < 2e-4;
             assert!((0..2).all(|tap| run.tap(tap).iter().all(right)), "round {rounds}");
         });
     }
-    for ring in runner.rings() {
+    for ring in clock.rings() {
         let counts = ring.counts();
         assert_eq!((counts.underruns, counts.overruns, counts.lost_frames), (0, 0, 0), "{ring:?}");
         let (least_s, most_s) = counts.range_s.unwrap();

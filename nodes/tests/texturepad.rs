@@ -3,9 +3,8 @@
 
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::run::{FileSinks, Offline};
+use haptograph_engine::run::{FileSinks, Session, SessionOptions};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 fn graphs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs")
@@ -24,8 +23,8 @@ fn render(graph: &Graph, seconds: f64, block: usize) -> [Vec<f32>; 2] {
     let folder = tempfile::tempdir().unwrap();
     let mut outlets = FileSinks::new(graph);
     outlets.open_files(folder.path()).unwrap();
-    let run = Offline::new(outlets, block);
-    let outcome = run.run(seconds, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let options = SessionOptions::default().block(block).seconds(seconds);
+    let outcome = Session::run_offline(outlets, &options, &mut |_| {}).unwrap();
     assert_eq!(outcome.faults.ticks, 0);
     ["texture.wav", "current.wav"].map(|file| {
         let mut reader = hound::WavReader::open(folder.path().join(file)).unwrap();

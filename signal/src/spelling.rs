@@ -60,6 +60,17 @@ fn edit_distance(a: &str, b: &str) -> usize {
     last[b.len()]
 }
 
+/// Advice about an unknown name: the closest one, or all of them after `are`.
+pub fn choices(name: &str, known: &[&str], are: &str) -> String {
+    const SHOWN: usize = 12;
+    match (closest(name, known.iter().copied()), known.len()) {
+        (Some(near), _) => format!("; did you mean `{near}`?"),
+        (None, 0) => String::new(),
+        (None, 1..=SHOWN) => format!("; {are} {}", known.join(", ")),
+        (None, _) => format!("; {are} {} and {} others", known[..SHOWN].join(", "), known.len() - SHOWN),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

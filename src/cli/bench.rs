@@ -9,10 +9,9 @@ use super::run::progress_bar;
 use super::{Failure, GraphArguments};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
-use crate::engine::run::{Profile, Runner};
+use crate::engine::run::{Profile, VirtualClock};
 pub(super) use cost_report::bytes;
 use cost_report::{CostReport, Timings};
-use std::convert::Infallible;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -69,10 +68,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 /// Alternates three kinds of runs: plain, with every step timed, and, with several drivers, timed driver by
 /// driver.
 fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings {
-    let mut plain = Runner::new(plans);
-    let mut plain_round = || {
-        let Ok(()) = plain.run_quantum(|_, _| Ok::<(), Infallible>(()));
-    };
+    let mut plain = VirtualClock::of(plans);
+    let mut plain_round = || plain.run_quantum(|_, _| {});
     let progress = progress_bar(seconds);
     let kinds = if plans.len() > 1 { 3 } else { 2 };
     let turn = Duration::from_secs_f64(seconds / f64::from(kinds * TURNS));

@@ -7,7 +7,7 @@ use super::result::{CommandResult, show};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
-use crate::engine::run::{FileSinks, LiveOptions, Meters, Session};
+use crate::engine::run::{FileSinks, Meters, Session, SessionOptions};
 use crate::live::soundcard::{SoundcardError, list};
 use crate::live::timer::Timer;
 use crate::signal::files;
@@ -237,7 +237,7 @@ fn timer(registry: &Registry) -> Result<Finding, Failure> {
     let document = Document::parse("doctor.ron", text).map_err(|wrong| failed(&wrong))?;
     let graph = check(&document, registry, &CheckOptions::default());
     let graph = graph.map_err(|wrong| failed(&wrong))?;
-    let options = LiveOptions::default().seconds(0.5);
+    let options = SessionOptions::default().seconds(0.5);
     let (live, session) = Session::open(FileSinks::new(&graph), &options).map_err(|error| failed(&error))?;
     let thread = Timer::default().start(live).map_err(|error| failed(&error))?;
     let live = thread.join().ok_or_else(|| failed(&"its thread ended early"))?;

@@ -17,7 +17,7 @@ use super::terminal::is_animated;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
-use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome, Probe};
+use crate::engine::run::{ARRIVALS, FileSinks, Outcome, Probe, Session, SessionOptions};
 use crate::live::supervisor::CHANGES;
 use crate::report::plotted::PlottedSignals;
 use crate::report::sound::Sound;
@@ -115,8 +115,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let stop = stop_on_interrupt()?;
     setup.completion.folder.begin();
     let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
-    let offline = Offline::new(setup.file_sinks, usize::from(arguments.block));
-    let (outcome, took_s) = timed(offline, duration_s, &stop)?;
+    let options = offline_options(arguments, duration_s, &stop);
+    let (outcome, took_s) = timed(setup.file_sinks, &options)?;
     let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), unreached(&graph));
     let sound = setup.completion.complete(arguments, &graph, summary)?;
@@ -299,13 +299,19 @@ impl Completion {
     }
 }
 
+/// Options of an offline run.
+pub fn offline_options(arguments: &Arguments, duration_s: f64, stop: &Arc<AtomicBool>) -> SessionOptions {
+    let mut options = SessionOptions::default().block(arguments.block.into()).seconds(duration_s);
+    options.stop = Arc::clone(stop);
+    options
+}
+
 /// Runs with a progress bar; returns the outcome and the elapsed time, s.
-pub fn timed(offline: Offline<'_>, duration_s: f64, stop: &AtomicBool) -> Result<(Outcome, f64), Failure> {
-    let bar = progress_bar(duration_s);
+pub fn timed(file_sinks: FileSinks<'_>, options: &SessionOptions) -> Result<(Outcome, f64), Failure> {
+    let bar = progress_bar(options.seconds.unwrap_or(DURATION_S));
     let start = Instant::now();
-    let outcome = offline
-        .run(duration_s, stop, &mut |done_s| bar.set_position((done_s * 1e3) as u64))
-        .map_err(Failure::message)?;
+    let progress = &mut |done_s: f64| bar.set_position((done_s * 1e3) as u64);
+    let outcome = Session::run_offline(file_sinks, options, progress).map_err(Failure::message)?;
     let took_s = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
     Ok((outcome, took_s))

@@ -7,7 +7,7 @@ use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::learning::recording::{Gesture, save};
 use crate::nodes::simulated::material::MaterialName;
-use crate::recorder::{RecordError, Session, record};
+use crate::recorder::{RecordError, SimulatedTake, record};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use std::path::PathBuf;
@@ -65,7 +65,7 @@ fn recording_file(text: &str) -> Result<PathBuf, String> {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let session = Session {
+    let take = SimulatedTake {
         material: arguments.material,
         gesture: arguments.motion,
         person: arguments.person,
@@ -74,9 +74,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     };
     let output = Output::claim(&arguments.output, arguments.force)?;
     let stop = stop_on_interrupt()?;
-    let bar = progress_bar(session.seconds);
+    let bar = progress_bar(take.seconds);
     let mut recorded_s = 0.0;
-    let recording = record(&session, &stop, &mut |done_s| {
+    let recording = record(&take, &stop, &mut |done_s| {
         recorded_s = done_s;
         bar.set_position((done_s * 1e3) as u64);
     });
@@ -90,9 +90,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     })?;
     let (output, ()) = output.write_by(|path| save(&recording, path))?;
     if stop.load(Ordering::Relaxed) {
-        eprint(&format!("warning: stopped after {recorded_s:.3} s of {} s\n", session.seconds));
+        eprint(&format!("warning: stopped after {recorded_s:.3} s of {} s\n", take.seconds));
     }
-    let (motion, material) = (session.gesture.as_str(), session.material.as_str());
+    let (motion, material) = (take.gesture.as_str(), take.material.as_str());
     match arguments.json {
         true => print_json(
             &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),

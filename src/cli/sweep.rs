@@ -4,13 +4,13 @@
 use super::placing::{Force, RunFolder};
 use super::result::{CommandResult, indented, show};
 use super::run::summary::Summary;
-use super::run::{self, timed};
+use super::run::{self, offline_options, timed};
 use super::terminal::is_coloured;
 use super::{Failure, GraphArguments, eprint, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
-use crate::engine::run::{FileSinks, Offline};
+use crate::engine::run::FileSinks;
 use crate::report::plot_request::RunTraces;
 use crate::report::plotted::{PlottedSignals, textures};
 use crate::report::record::friction;
@@ -20,6 +20,7 @@ use serde::{Serialize, Serializer};
 use serde_json::json;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Run a graph once for each of several settings and compare the runs on a page
@@ -237,15 +238,15 @@ fn run_one(
     (case, run_arguments, graph): Checked<'_>,
     folder: &RunFolder,
     number: usize,
-    stop: &AtomicBool,
+    stop: &Arc<AtomicBool>,
 ) -> Result<Done, Failure> {
     let place = folder.path().join(format!("{number:02}"));
     fs::create_dir(&place).map_err(Failure::doing("make the folder", &place))?;
     let mut file_sinks = FileSinks::new(&graph);
     file_sinks.open_files(&place).map_err(Failure::message)?;
     let mut plotted = run::plotted_signals(&graph, &mut file_sinks);
-    let offline = Offline::new(file_sinks, usize::from(run_arguments.block));
-    let (outcome, took_s) = timed(offline, arguments.duration_s, stop)?;
+    let options = offline_options(&run_arguments, arguments.duration_s, stop);
+    let (outcome, took_s) = timed(file_sinks, &options)?;
     let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), run::unreached(&graph));
     folder.write(&format!("{number:02}/run.json"), &summary.to_json())?;

@@ -1,8 +1,7 @@
 //! Driver of the graph: a timer, a soundcard, or the caller, such as a page's audio thread.
 
 use haptograph_engine::device::Device;
-use haptograph_engine::host::Player;
-use haptograph_engine::run::{Driven, LiveState, Wake};
+use haptograph_engine::run::{Driven, Player, PlayerState, Wake};
 use haptograph_live::BackendEvent;
 use haptograph_live::soundcard::{CardDriver, Request, SoundcardError};
 #[cfg(not(target_family = "wasm"))]
@@ -105,7 +104,7 @@ struct Paced {
 
 impl Driven for Paced {
     fn rate_hz(&self) -> f64 {
-        self.player.rate_hz()
+        Driven::rate_hz(&self.player)
     }
     fn run_frames(&mut self, frames: usize) {
         let held = self.frame_lock.as_ref().map(|lock| lock.lock().unwrap_or_else(PoisonError::into_inner));
@@ -114,7 +113,7 @@ impl Driven for Paced {
         drop(held);
     }
     fn block(&self) -> usize {
-        Driven::block(&self.player)
+        self.player.block()
     }
     fn is_idle(&self) -> bool {
         self.pace.end.load(Relaxed) || self.player.is_idle()
@@ -219,7 +218,7 @@ impl Drive {
     /// True if the run has ended.
     pub fn is_over(&self) -> bool {
         match &self.driver {
-            Some(Driver::Caller(paced)) => paced.player.state() != LiveState::Running,
+            Some(Driver::Caller(paced)) => paced.player.state() != PlayerState::Running,
             #[cfg(not(target_family = "wasm"))]
             Some(Driver::Timer(thread)) => thread.is_finished(),
             Some(Driver::Card(card)) => card.is_finished(),

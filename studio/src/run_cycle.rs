@@ -10,7 +10,8 @@ use super::replay::Replay;
 use super::run_page::{self, PageSignals};
 use super::scope::{self, Port, Scope};
 use super::stage::{Stage, StageError, State, other};
-use haptograph_engine::host::{HostError, PlayOptions, Player};
+use haptograph_engine::host::HostError;
+use haptograph_engine::run::{Player, SessionOptions};
 use haptograph_live::soundcard::{Inputs, card_requests};
 use serde_json::json;
 use std::sync::Arc;
@@ -92,7 +93,7 @@ impl Stage {
             self.note_refusals();
         }
         let graph = &self.loaded.graph;
-        let (mut player, session) = Player::open(graph, &options).map_err(|error| match error {
+        let (mut player, mut session) = Player::open(graph, &options).map_err(|error| match error {
             HostError::Drivers { count, drivers } => other(format_args!(
                 "the studio runs graphs with one driver clock, and this one has {count}: `{}`; make the others `Derived` \
                  clocks of one of them, or run the graph without a page",
@@ -101,11 +102,11 @@ impl Stage {
             error => other(error),
         })?;
         if is_live {
-            self.devices.inputs = Inputs::open(graph, [player.live_mut()]).map_err(other)?;
+            self.devices.inputs = Inputs::open(graph, [&mut player]).map_err(other)?;
         }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.signals.pads = pads.collect::<Result<_, _>>().map_err(other)?;
-        let scope = |port: Port| player.any_probe(&port.name).map(|frames| Scope::from_start(port, frames));
+        let scope = |port: Port| session.any_probe(&port.name).map(|frames| Scope::from_start(port, frames));
         let scopes = ports.into_iter().map(scope);
         self.signals.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
         self.signals.costs = Costs::default();
@@ -131,16 +132,16 @@ impl Stage {
     }
 
     /// Options of a run with these probes.
-    fn play_options(&self, probes: &[Port]) -> PlayOptions {
-        let mut options = PlayOptions::default();
+    fn play_options(&self, probes: &[Port]) -> SessionOptions {
+        let mut options = SessionOptions::default();
         options.sample_costs = true;
         options.probes = probes.iter().map(|port| port.name.clone()).collect();
         options.folder = self.recorder.folder.clone();
         // Outputs of a pad's endpoint are not connected.
         let mut devices = self.loaded.graph.devices().iter();
-        options.live.rested =
+        options.rested =
             devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
-        options.live.arm = Some(Arc::clone(&self.devices.switch));
+        options.arm = Some(Arc::clone(&self.devices.switch));
         options
     }
 
@@ -196,7 +197,7 @@ impl Stage {
             return;
         };
         self.disarm();
-        let ended = drive.join().map(|player| player.finish(session));
+        let ended = drive.join().map(|player| session.finish(player));
         self.devices.release(&self.source.registry);
         // The last frames: what begins next has scopes of its own.
         self.look_at_scopes(now_s);

@@ -31,7 +31,7 @@ impl Stage {
             }
             session.change_and_probe(graph, None, &names)
         };
-        let (changed, mut probes) = match self.host.can_drive {
+        let changed = match self.host.can_drive {
             true => self.devices.network.replace(&mut next.graph, change).map_err(other)?,
             false => change(&next.graph).map_err(other)?,
         };
@@ -39,7 +39,8 @@ impl Stage {
         self.signals.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
             if !self.signals.scopes.iter().any(|scope| scope.port == port) {
-                let frames = probes.take_any(&port.name);
+                let Some(session) = self.session.as_mut() else { continue };
+                let frames = session.any_probe(&port.name);
                 self.signals.scopes.extend(frames.map(|frames| Scope::of(port, frames)));
             }
         }

@@ -6,7 +6,8 @@ use crate::border::{
 use crate::failure::Failure;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::host::{AnyInput, AnyOutput, Full, Player, Scalar, Vector, Wrench};
+use haptograph_engine::host::{AnyInput, AnyOutput, Full, Scalar, Vector, Wrench};
+use haptograph_engine::run::Session;
 use std::mem::MaybeUninit;
 
 const _: () = assert!(
@@ -91,11 +92,11 @@ pub fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOutput, F
 }
 
 /// Opens the output of a probe.
-pub fn probe(player: &mut Player, name: &str, components: u32) -> Result<AnyOutput, Failure> {
+pub fn probe(session: &mut Session, name: &str, components: u32) -> Result<AnyOutput, Failure> {
     Ok(match components {
-        SCALAR => player.probe::<Scalar>(name)?.into_any(),
-        VECTOR => player.probe::<Vector>(name)?.into_any(),
-        WRENCH => player.probe::<Wrench>(name)?.into_any(),
+        SCALAR => session.probe::<Scalar>(name)?.into_any(),
+        VECTOR => session.probe::<Vector>(name)?.into_any(),
+        WRENCH => session.probe::<Wrench>(name)?.into_any(),
         other => return no_shape(other),
     })
 }

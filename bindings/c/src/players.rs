@@ -5,17 +5,15 @@ use crate::channels;
 use crate::failure::Failure;
 use crate::table::{self, Entry, try_lock};
 use haptograph_engine::graph::{Graph, NodeId};
-use haptograph_engine::host::{AnyOutput, PlayOptions, Player};
+use haptograph_engine::host::AnyOutput;
 use haptograph_engine::node::SettingId;
-use haptograph_engine::run::{LiveState, Session};
+use haptograph_engine::run::{Player, PlayerState, Session, SessionOptions};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most frames of one call: 11 minutes at 48 kHz. A larger number is an error.
 const MAX_FRAMES: usize = 1 << 25;
-/// Most live settings in a message.
-const MAX_LISTED: usize = 20;
 
 /// The options of a run.
 pub struct PlayRequest<'a> {
@@ -53,13 +51,13 @@ pub fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failure> {
         let message = "`block` must be at most 65536 driver frames; 0 means the default";
         return Err(Failure::new(Status::Argument, message));
     }
-    let mut options = PlayOptions::default();
+    let mut options = SessionOptions::default();
     options.probes = request.probes.iter().map(|name| (*name).to_owned()).collect();
     options.folder = request.folder;
-    options.live.rested = request.rested;
-    options.live.block = request.block;
-    options.live.seconds = (request.seconds > 0.0).then_some(request.seconds);
-    let stop = Arc::clone(&options.live.stop);
+    options.rested = request.rested;
+    options.block = request.block;
+    options.seconds = (request.seconds > 0.0).then_some(request.seconds);
+    let stop = Arc::clone(&options.stop);
     let (player, session) = Player::open(graph, &options)?;
     let entry = PlayerEntry {
         player: Mutex::new(player),
@@ -83,10 +81,10 @@ impl PlayerEntry {
         player.process(frames);
         self.frames.store(player.frames(), Ordering::Relaxed);
         let state = match player.state() {
-            LiveState::Running => State::Running,
-            LiveState::Stopped => State::Stopped,
-            LiveState::Finished => State::Finished,
-            LiveState::Panicked => State::Panicked,
+            PlayerState::Running => State::Running,
+            PlayerState::Stopped => State::Stopped,
+            PlayerState::Finished => State::Finished,
+            PlayerState::Panicked => State::Panicked,
         };
         self.state.store(state as u32, Ordering::Relaxed);
         match state {
@@ -115,21 +113,15 @@ impl PlayerEntry {
 
     /// Opens the output of a probe.
     pub fn probe(&self, name: &str, components: u32) -> Result<AnyOutput, Failure> {
-        channels::probe(&mut *try_lock(&self.player)?, name, components)
+        channels::probe(&mut *try_lock(&self.session)?, name, components)
     }
 
     /// Finds the live setting of this name.
     pub fn setting(&self, player: u64, name: &str) -> Result<Setting, Failure> {
         let session = try_lock(&self.session)?;
-        let found = session.settings().find(|live| live.name() == name);
-        let Some(live) = found else {
-            let names: Vec<String> = session.settings().map(|live| live.name()).collect();
-            let more = if names.len() > MAX_LISTED { ", ..." } else { "" };
-            let names = names[..names.len().min(MAX_LISTED)].join(", ");
-            let message = format_args!("the graph has no live setting `{name}`; it has {names}{more}");
-            return Err(Failure::new(Status::Name, message));
-        };
-        Ok(Setting { player, node: live.node, setting: live.setting })
+        let found = session.find_setting(name);
+        let (node, setting) = found.map_err(|unknown| Failure::new(Status::Name, unknown))?;
+        Ok(Setting { player, node, setting })
     }
 
     /// Sets a live setting by its name.
@@ -144,7 +136,7 @@ impl PlayerEntry {
     pub fn finish(self) -> (Outcome, Result<(), Failure>) {
         let player = self.player.into_inner().unwrap_or_else(PoisonError::into_inner);
         let session = self.session.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let done = player.finish(session);
+        let done = session.finish(player);
         let outcome = Outcome {
             frames: done.outcome.driver_frames,
             seconds: done.outcome.seconds,

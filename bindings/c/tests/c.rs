@@ -3,7 +3,8 @@
 
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, check};
-use haptograph_engine::host::{PlayOptions, Player, Scalar, Vector};
+use haptograph_engine::host::{Scalar, Vector};
+use haptograph_engine::run::{Player, SessionOptions};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -56,7 +57,7 @@ fn texture() -> Vec<f32> {
     let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
     let mut touching = graph.input::<Scalar>("stylus.touching").expect("a touch");
     let mut current = graph.output::<Scalar>("haptuator").expect("a current");
-    let (mut player, mut session) = Player::open(&graph, &PlayOptions::default().rested()).expect("plays");
+    let (mut player, mut session) = Player::open(&graph, &SessionOptions::default().rested()).expect("plays");
     let mut all = Vec::new();
     for call in 0..375_u32 {
         if call == 375 / 2 {

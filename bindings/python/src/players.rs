@@ -3,8 +3,8 @@
 use crate::errors::Failure;
 use crate::runs::{Told, drain};
 use haptograph::engine::graph::Graph;
-use haptograph::engine::host::{AnyInput, AnyOutput, Full, PlayOptions, Player as Engine};
-use haptograph::engine::run::{LiveState, Session};
+use haptograph::engine::host::{AnyInput, AnyOutput, Full};
+use haptograph::engine::run::{Player as Engine, PlayerState, Session, SessionOptions};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -37,17 +37,17 @@ impl Player {
         folder: Option<PathBuf>,
         rested: bool,
     ) -> Result<Self, Failure> {
-        let mut options = PlayOptions::default();
+        let mut options = SessionOptions::default();
         options.probes = probes.to_vec();
         options.folder = folder;
-        options.live.rested = rested;
-        let (mut player, session) = Engine::open(graph, &options).map_err(Failure::of)?;
+        options.rested = rested;
+        let (player, mut session) = Engine::open(graph, &options).map_err(Failure::of)?;
         let inputs = graph.host_inputs().map(|(name, _)| graph.any_input(&name));
         let inputs = inputs.collect::<Result<Vec<_>, _>>().map_err(Failure::of)?;
         let outputs = graph.host_outputs().map(|(name, _)| graph.any_output(&name));
         let mut outputs = outputs.collect::<Result<Vec<_>, _>>().map_err(Failure::of)?;
         for probe in probes {
-            outputs.push(player.any_probe(probe).map_err(Failure::of)?);
+            outputs.push(session.any_probe(probe).map_err(Failure::of)?);
         }
         let driver = graph.drivers().first().copied().unwrap_or_default();
         let rate_hz = graph.clocks()[driver].rate.hz();
@@ -191,15 +191,8 @@ impl Player {
     /// Sets a live setting.
     fn turn(&self, py: Python<'_>, name: &str, value: f64) -> PyResult<()> {
         self.with(py, |inside| {
-            let known: Vec<String> = inside.session.settings().map(|live| live.name()).collect();
-            if !known.iter().any(|live| live == name) {
-                let known = known.join(", ");
-                return Err(Failure::Message(format!(
-                    "there is no live setting `{name}`: there are {known}"
-                )));
-            }
             let turned = inside.session.set_by_name(name, value);
-            turned.map_err(|error| Failure::Message(format!("`{name}`: {error}")))
+            turned.map_err(|error| Failure::Message(format!("`{name}` was not changed: {error}")))
         })
     }
 
@@ -207,10 +200,10 @@ impl Player {
     fn state(&self, py: Python<'_>) -> PyResult<(&'static str, u64)> {
         self.with(py, |inside| {
             let state = match inside.player.state() {
-                LiveState::Running => "running",
-                LiveState::Stopped => "stopped",
-                LiveState::Finished => "finished",
-                LiveState::Panicked => "panicked",
+                PlayerState::Running => "running",
+                PlayerState::Stopped => "stopped",
+                PlayerState::Finished => "finished",
+                PlayerState::Panicked => "panicked",
             };
             Ok((state, inside.player.frames()))
         })
@@ -229,7 +222,7 @@ impl Player {
         let done = py.detach(|| {
             let mut inside = self.inside.lock().unwrap_or_else(PoisonError::into_inner);
             let inside = inside.take();
-            inside.map(|inside| inside.player.finish(inside.session))
+            inside.map(|inside| inside.session.finish(inside.player))
         });
         let Some(done) = done else { return Ok(None) };
         if let Some(failed) = done.failed.first() {

@@ -9,7 +9,7 @@ use haptograph::engine::frame::Kind;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::AnyOutput;
 use haptograph::engine::node::{FrameWriter, Stream};
-use haptograph::engine::run::{FileSinks, Offline, Outcome, Probe};
+use haptograph::engine::run::{FileSinks, Outcome, Probe, Session, SessionOptions};
 use haptograph::report::record::{watch, watched};
 use haptograph::signal::quantity::Quantity;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -261,12 +261,13 @@ fn alone(
         outlets.probe(Probe { node, output, writer });
         kept.push(frames);
     }
-    let outcome = Offline::new(outlets, 0)
-        .run(seconds, &progress.stop, &mut |done_s| {
-            progress.at(done_s / seconds);
-            progress.stop.fetch_or(!goes_on(), Ordering::Relaxed);
-        })
-        .map_err(Failure::of)?;
+    let mut options = SessionOptions::default().seconds(seconds);
+    options.stop = Arc::clone(&progress.stop);
+    let outcome = Session::run_offline(outlets, &options, &mut |done_s| {
+        progress.at(done_s / seconds);
+        progress.stop.fetch_or(!goes_on(), Ordering::Relaxed);
+    });
+    let outcome = outcome.map_err(Failure::of)?;
     let signals = probes.iter().zip(kept).map(|((name, stream), frames)| {
         let mut signal = Signal::of(stream, name);
         signal.frames = std::mem::take(&mut frames.lock().unwrap_or_else(PoisonError::into_inner));

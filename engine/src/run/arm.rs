@@ -14,7 +14,7 @@ pub const ARM_FALL_S: f64 = 0.02;
 pub const ARM_HOLD_S: f64 = 0.3;
 
 /// Switch that arms the real devices of a run. Any thread arms, holds and disarms; the real-time threads poll it
-/// ([`LiveOptions::arm`](super::LiveOptions::arm)). It starts disarmed.
+/// ([`SessionOptions::arm`](super::SessionOptions::arm)). It starts disarmed.
 #[derive(Debug, Default)]
 pub struct ArmSwitch {
     /// Bits of the gain; 0 while disarmed.

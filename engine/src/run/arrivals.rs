@@ -32,7 +32,7 @@ mod rows;
 
 pub(super) use inputs::{Input, InputLog, InputScript};
 pub(super) use log::{ArrivalLog, LogWriter};
-pub(super) use replay::{Arrivals, check_logs};
+pub(super) use replay::{Arrivals, check_logs, repeat_inputs, replay};
 
 use crate::plan::{FINGERPRINTS_NAME, FINGERPRINTS_VERSION, Plan, Planner};
 use crate::settings::LiveSetting;

@@ -114,20 +114,10 @@ pub struct AsyncResamplerReader {
     ring: Consumer<f64>,
     width: usize,
     resamplers: Vec<SteeredResampler>,
-    /// Scratch: one component of the input frames.
-    gathered: Vec<f64>,
-    /// Scratch: input frames.
-    taken_frames: Vec<f64>,
-    /// Scratch: one component of the output frames.
-    resampled: Vec<f64>,
-    /// Frames arrived by the last poll and frames taken, both since the start.
-    arrived: u64,
-    taken: u64,
+    scratch: Scratch,
+    passed: Passed,
     flow: Flow,
-    /// Output ticks until the resampler contains only frames since its reset, and output ticks of the fade-in after
-    /// that.
-    quiet_ticks: u32,
-    fade_ticks: u32,
+    fades: Fades,
     /// The frame of silence.
     neutral: Box<[f64]>,
     /// The last output frame.
@@ -136,6 +126,33 @@ pub struct AsyncResamplerReader {
     /// Ticks read since the last poll.
     ticks: u64,
     meter: Arc<RingMeter>,
+}
+
+/// Frames since the start.
+#[derive(Default)]
+struct Passed {
+    /// By the last poll.
+    arrived: u64,
+    taken: u64,
+}
+
+/// Memory of a read.
+struct Scratch {
+    /// One component of the input frames.
+    gathered: Vec<f64>,
+    /// Input frames.
+    frames: Vec<f64>,
+    /// One component of the output frames.
+    resampled: Vec<f64>,
+}
+
+/// Lengths in output ticks.
+#[derive(Clone, Copy)]
+struct Fades {
+    /// Until the resampler contains only frames since its reset.
+    quiet_ticks: u32,
+    /// The fade-in after that, and a fade-out.
+    fade_ticks: u32,
 }
 
 /// State of the reader.
@@ -181,14 +198,17 @@ impl AsyncResamplerReader {
             ring,
             width,
             resamplers,
-            gathered: vec![0.0; at_once],
-            taken_frames: vec![0.0; at_once * width],
-            resampled: vec![0.0; plan.max_to],
-            arrived: 0,
-            taken: 0,
+            scratch: Scratch {
+                gathered: vec![0.0; at_once],
+                frames: vec![0.0; at_once * width],
+                resampled: vec![0.0; plan.max_to],
+            },
+            passed: Passed::default(),
             flow: Flow::Waiting,
-            quiet_ticks: (2.0 * kernel_s * plan.to.hz()).ceil() as u32,
-            fade_ticks: (DRY_FADE_S * plan.to.hz()).ceil() as u32,
+            fades: Fades {
+                quiet_ticks: (2.0 * kernel_s * plan.to.hz()).ceil() as u32,
+                fade_ticks: (DRY_FADE_S * plan.to.hz()).ceil() as u32,
+            },
             neutral: plan.kind.neutral().collect(),
             latest: plan.kind.neutral().collect(),
             steering: Steering {
@@ -207,19 +227,19 @@ impl AsyncResamplerReader {
 
     /// Frames that have arrived since the start.
     pub fn arrivals(&self) -> u64 {
-        self.taken + (self.ring.slots() / self.width) as u64
+        self.passed.taken + (self.ring.slots() / self.width) as u64
     }
 
     /// Frames that had arrived by the last poll.
     pub fn arrived(&self) -> u64 {
-        self.arrived
+        self.passed.arrived
     }
 
     /// Polls the ring: `arrived` frames count as arrived until the next poll.
     pub fn poll(&mut self, arrived: u64) {
         // Before new frames count: a late callback finds more, and takes more.
         let left = self.fill();
-        self.arrived = arrived.max(self.arrived);
+        self.passed.arrived = arrived.max(self.passed.arrived);
         let elapsed_s = self.ticks as f64 * self.steering.period_s;
         self.ticks = 0;
         match self.flow {
@@ -253,7 +273,7 @@ impl AsyncResamplerReader {
     /// The fill in frames. On average a frame arrives half a period after its time.
     fn fill(&self) -> f64 {
         let ahead = self.resamplers.first().map_or(1.0, SteeredResampler::ahead);
-        (self.arrived - self.taken) as f64 + 0.5 - ahead + self.steering.half_width
+        (self.passed.arrived - self.passed.taken) as f64 + 0.5 - ahead + self.steering.half_width
     }
 
     fn start_if_filled(&mut self) {
@@ -264,7 +284,7 @@ impl AsyncResamplerReader {
         if beyond < 0.0 || self.resamplers.is_empty() {
             return;
         }
-        let skipped = (beyond as u64).min(self.arrived - self.taken);
+        let skipped = (beyond as u64).min(self.passed.arrived - self.passed.taken);
         self.drop_frames(skipped);
         // Frames before the first start do not count as lost.
         if self.meter.counts().fill_s.is_some() {
@@ -277,7 +297,7 @@ impl AsyncResamplerReader {
     fn drop_frames(&mut self, frames: u64) {
         if let Ok(chunk) = self.ring.read_chunk(frames as usize * self.width) {
             chunk.commit_all();
-            self.taken += frames;
+            self.passed.taken += frames;
         }
     }
 
@@ -304,7 +324,7 @@ impl AsyncResamplerReader {
         let Some(resampler) = self.resamplers.first() else {
             return 0;
         };
-        let waiting = (self.arrived - self.taken) as usize;
+        let waiting = (self.passed.arrived - self.passed.taken) as usize;
         if resampler.inputs_needed(ticks) <= waiting {
             return ticks;
         }
@@ -323,13 +343,13 @@ impl AsyncResamplerReader {
     fn resample(&mut self, y: &mut [f64]) {
         let (width, ticks) = (self.width, y.len() / self.width);
         let needed = self.resamplers.first().map_or(0, |one| one.inputs_needed(ticks));
-        let Self { ring, resamplers, gathered, taken_frames, resampled, .. } = self;
-        let frames = &mut taken_frames[..needed * width];
+        let Self { ring, resamplers, scratch: Scratch { gathered, frames, resampled }, .. } = self;
+        let frames = &mut frames[..needed * width];
         if ring.pop_entire_slice(frames).is_err() {
             // Unreachable: arrived frames stay in the ring until they are taken.
             frames.fill(0.0);
         }
-        self.taken += needed as u64;
+        self.passed.taken += needed as u64;
         for (component, resampler) in resamplers.iter_mut().enumerate() {
             for (gathered, frame) in gathered.iter_mut().zip(frames.chunks_exact(width)) {
                 *gathered = frame[component];
@@ -351,10 +371,11 @@ impl AsyncResamplerReader {
             return;
         };
         for frame in y.chunks_exact_mut(self.width) {
-            if *risen >= self.quiet_ticks + self.fade_ticks {
+            if *risen >= self.fades.quiet_ticks + self.fades.fade_ticks {
                 return;
             }
-            let factor = f64::from(risen.saturating_sub(self.quiet_ticks)) / f64::from(self.fade_ticks);
+            let factor =
+                f64::from(risen.saturating_sub(self.fades.quiet_ticks)) / f64::from(self.fades.fade_ticks);
             for (x, neutral) in frame.iter_mut().zip(&self.neutral) {
                 *x = towards(*neutral, *x, factor);
             }
@@ -369,11 +390,11 @@ impl AsyncResamplerReader {
             return;
         };
         let fallen = fallen + 1;
-        let factor = 1.0 - f64::from(fallen) / f64::from(self.fade_ticks.max(1));
+        let factor = 1.0 - f64::from(fallen) / f64::from(self.fades.fade_ticks.max(1));
         for ((x, latest), neutral) in frame.iter_mut().zip(&self.latest).zip(&self.neutral) {
             *x = towards(*neutral, *latest, factor.max(0.0));
         }
-        self.flow = match fallen >= self.fade_ticks {
+        self.flow = match fallen >= self.fades.fade_ticks {
             true => Flow::Waiting,
             false => Flow::Falling(fallen),
         };

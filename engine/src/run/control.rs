@@ -58,7 +58,7 @@ pub enum ControlError {
     #[error("the rate of the driver changed; start a new run")]
     OtherRate,
     /// The node does not have the setting, or it is not live.
-    #[error("no live setting has that name")]
+    #[error("the node has no such live setting")]
     NotLive,
     /// The value is out of the setting's range.
     #[error("choose a value from {0} to {1}")]
@@ -66,6 +66,28 @@ pub enum ControlError {
     /// The value is NaN or infinite.
     #[error("choose a finite number")]
     NotFinite,
+}
+
+/// No live setting of the running graph has the name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no live setting is called `{name}`{help}")]
+pub struct UnknownSetting {
+    /// The name.
+    pub name: String,
+    /// The closest name, or all names, as text.
+    pub help: String,
+}
+
+/// Reason why a setting was not set by its name.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SetError {
+    /// No live setting has the name.
+    #[error(transparent)]
+    Unknown(#[from] UnknownSetting),
+    /// The value was not sent.
+    #[error(transparent)]
+    Control(#[from] ControlError),
 }
 
 /// A plan that is ready to replace the running one.
@@ -102,15 +124,6 @@ impl Control {
     /// [`ControlError`] if the setting is not live, the value is invalid, or the command ring is full.
     pub fn set(&mut self, node: NodeId, setting: SettingId, value: f64) -> Result<(), ControlError> {
         let place = self.settings.iter().position(|live| (live.node, live.setting) == (node, setting));
-        self.set_at(place.ok_or(ControlError::NotLive)?, value)
-    }
-
-    /// Sets a live setting by its name: `out.gain`.
-    ///
-    /// # Errors
-    /// As [`Control::set`].
-    pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), ControlError> {
-        let place = self.settings.iter().position(|live| live.name() == name);
         self.set_at(place.ok_or(ControlError::NotLive)?, value)
     }
 

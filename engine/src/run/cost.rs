@@ -1,12 +1,30 @@
 //! Cost of each node of a live run, measured by timing a few blocks step by step.
 
 use super::Run;
-use super::profile::{StepObserver, clock_ns};
 use crate::node_id::NodeId;
 use crate::plan::{Plan, StepTime};
+use haptograph_signal::statistics::median;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 use std::time::Instant;
+
+/// Observer of finished steps.
+pub(super) trait StepObserver {
+    /// True if every step runs by itself and is reported.
+    const STEPWISE: bool;
+
+    /// Called after step `number` has run `ticks` of its clock.
+    fn step_done(&mut self, number: usize, ticks: usize);
+}
+
+/// Observes nothing.
+pub(super) struct NoObserver;
+
+impl StepObserver for NoObserver {
+    const STEPWISE: bool = false;
+
+    fn step_done(&mut self, _: usize, _: usize) {}
+}
 
 /// One block in this many is timed, on average.
 const EVERY: u64 = 16;
@@ -75,6 +93,17 @@ pub(super) fn of_nodes(plan: &Plan) -> Vec<(NodeId, f64)> {
         }
     }
     nodes.into_iter().collect()
+}
+
+/// Time between two readings of the clock, ns.
+pub(super) fn clock_ns() -> f64 {
+    let gaps: Vec<f64> = (0..1000)
+        .map(|_| {
+            let before = Instant::now();
+            before.elapsed().as_nanos() as f64
+        })
+        .collect();
+    median(&gaps)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ impl PlanSwap {
         self.take_over(running, hottest);
         let (begin, end) = running.fade_span(seconds);
         let (old, new) = (&mut self.run.state, &mut running.state);
-        for (from, to) in &self.devices {
+        for (from, to) in &self.transfers.devices {
             old.devices[*from].ownership = Ownership::Shadow;
             new.devices[*to].ownership = Ownership::Primary;
         }
@@ -25,7 +25,7 @@ impl PlanSwap {
         for actuator in &mut new.actuators {
             actuator.role = CrossFadeRole::Mixer([0.0; 6], rise);
         }
-        for (from, to) in &self.drives {
+        for (from, to) in &self.transfers.drives {
             let (from, to) = (&mut old.actuators[*from], &mut new.actuators[*to]);
             to.limiter.begin_from(&from.limiter.output());
             from.role = CrossFadeRole::Outgoing([0.0; 6]);
@@ -37,7 +37,7 @@ impl PlanSwap {
         let old = &mut self.run;
         old.state.windows.next_block(1);
         new.state.windows.next_block(1);
-        for (from, to) in &self.devices {
+        for (from, to) in &self.transfers.devices {
             let (from_plan, to_plan) = (&old.plan.devices[*from], &new.plan.devices[*to]);
             if new.state.windows.of(to_plan.clock as u32).count > 0 {
                 let follower = &mut old.state.devices[*from];
@@ -45,10 +45,10 @@ impl PlanSwap {
             }
         }
         old.steps(0..old.plan.steps.len());
-        for (from, to) in &self.drives {
+        for (from, to) in &self.transfers.drives {
             let outgoing = old.state.actuators[*from].role.outgoing();
             let is_finite = new.state.actuators[*to].role.mix_in(outgoing);
-            new.state.faults.ticks += u64::from(!is_finite);
+            new.state.faults.counts.ticks += u64::from(!is_finite);
         }
         new.steps(0..new.plan.steps.len());
         let time = new.state.windows.block().1;

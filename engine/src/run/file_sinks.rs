@@ -66,17 +66,15 @@ impl<'a> FileSinks<'a> {
         });
     }
 
-    /// Adds an output whose frames the caller of a live run reads; returns its description.
-    pub(crate) fn hand_over(&mut self, node: NodeId, output: usize) -> Stream {
-        let carried = self.planner.stream((node, output));
-        self.taps.push((node, output));
+    /// Adds an output whose frames the caller reads, by the name of the probe.
+    pub(crate) fn hand_over(&mut self, name: &str, port: (NodeId, usize)) {
+        self.taps.push(port);
         self.written.push(WrittenFile {
             writer: None,
             taps: vec![self.taps.len() - 1],
-            what: PathBuf::from(&carried.name),
+            what: PathBuf::from(name),
             sink: None,
         });
-        carried
     }
 
     /// Opens the files of all file sinks in `folder`.

@@ -12,17 +12,17 @@ mod device;
 mod fade;
 mod fault;
 mod file_sinks;
-mod files;
-mod live;
 mod meter;
 mod offline;
+mod player;
 mod profile;
 mod ramp;
+mod ring_edges;
 mod rings;
-mod runner;
 mod session;
 mod silence;
 mod swap;
+mod virtual_clock;
 mod walk;
 mod window;
 
@@ -35,18 +35,21 @@ pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
 pub use async_resampler::{
     AsyncResamplerReader, AsyncResamplerWriter, DRY_FADE_S, RingCounts, RingMeter, async_resampler,
 };
-pub use control::{Control, ControlError};
+pub use control::{Control, ControlError, SetError, UnknownSetting};
+pub use fade::FADE_S;
 pub use fault::Faults;
 pub use file_sinks::{FileSinks, Probe, WriteError};
-pub use live::{Driven, FADE_S, Live, LiveState, live};
 pub use meter::{MAX_STALLS, Meters, Wake};
-pub use offline::{Offline, OfflineError, Outcome, RingReport};
+pub use offline::{OfflineError, Outcome, RingReport};
+pub(crate) use player::Claim;
+pub use player::{Driven, Player, PlayerState, player};
 pub use profile::{Profile, StepCost};
 pub use ramp::PARAM_RAMP_S;
-pub use runner::Runner;
-pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
+pub(crate) use session::HandedProbe;
+pub use session::{ChangeError, Changed, Session, SessionOptions, SessionOutcome};
 pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
 pub use swap::{Change, NoCrossFade};
+pub use virtual_clock::VirtualClock;
 
 use crate::bridges::{BridgeContext, BridgeEntry, BridgeState, HoldRuns};
 use crate::device::Device;
@@ -55,15 +58,15 @@ use crate::node::{AnyProcessor, SettingId};
 use crate::node_id::NodeId;
 use crate::plan::{BridgeWork, Plan, SingleStep, StepWork};
 use actuator::ActuatorState;
+use cost::{NoObserver, StepObserver};
 use delay::DelayState;
 use device::DeviceState;
 use fade::FadeGate;
-use profile::{NoObserver, StepObserver};
 use std::ops::Range;
 use std::sync::Arc;
 #[cfg(not(target_family = "wasm"))]
 use std::time::Instant;
-use window::{Window, Windows, range_of};
+use window::{Windows, range_of};
 
 #[cfg(test)]
 mod tests;
@@ -77,8 +80,6 @@ pub struct Run {
 /// The mutable state. It is separate from the plan so that steps can borrow both.
 struct State {
     windows: Windows,
-    /// Copy of the block's windows while an island narrows them.
-    whole: Vec<Window>,
     memory: Memory,
     processors: Vec<Box<dyn AnyProcessor>>,
     /// How each processor computes a single frame with its present settings.
@@ -89,14 +90,20 @@ struct State {
     bridges: Vec<Option<Box<dyn BridgeState>>>,
     delays: Vec<DelayState>,
     ring_ends: RingEnds,
-    faults: Faults,
-    /// The first actuator sink that received NaN or infinity.
-    first_faulted_sink: Option<NodeId>,
-    /// True for each node, by index, that can be the origin of that fault; empty if all can.
-    upstream_candidates: Vec<bool>,
+    faults: FaultTrace,
     fade: FadeGate,
     /// Driver frames of the ramp to zero after a panic.
     ramped: u64,
+}
+
+/// NaN and infinity at actuators, and where they come from.
+#[derive(Default)]
+struct FaultTrace {
+    counts: Faults,
+    /// The first actuator sink that received one.
+    first_sink: Option<NodeId>,
+    /// True for each node, by index, that can be its origin; empty if all can.
+    upstream_candidates: Vec<bool>,
 }
 
 /// This run's ends of the rings to other drivers; `None` until they are connected.
@@ -131,7 +138,6 @@ impl Run {
         }
         let state = State {
             windows: Windows::new(&plan),
-            whole: vec![Window::default(); plan.rates.len()],
             memory: Memory::new(plan.memory_len()),
             processors: plan.processors.iter().map(|processor| processor.boxed_clone()).collect(),
             singles: plan.singles.clone(),
@@ -143,9 +149,7 @@ impl Run {
                 writers: plan.ring_writes.iter().map(|_| None).collect(),
                 readers: plan.ring_reads.iter().map(|_| None).collect(),
             },
-            faults: Faults::default(),
-            first_faulted_sink: None,
-            upstream_candidates: Vec::new(),
+            faults: FaultTrace::default(),
             fade: FadeGate::Full,
             ramped: 0,
         };
@@ -314,18 +318,18 @@ impl Run {
 
     /// Checks the outputs of these nodes' processors for NaN and infinity from now on.
     fn trace_fault(&mut self, upstream_candidates: &[bool]) {
-        self.state.upstream_candidates = upstream_candidates.to_vec();
-        self.state.faults.tracing = true;
+        self.state.faults.upstream_candidates = upstream_candidates.to_vec();
+        self.state.faults.counts.tracing = true;
     }
 
     /// The first actuator sink that received NaN or infinity.
     fn first_faulted_sink(&self) -> Option<NodeId> {
-        self.state.first_faulted_sink
+        self.state.faults.first_sink
     }
 
     /// NaN and infinity at actuators so far.
     pub fn faults(&self) -> Faults {
-        self.state.faults.clone()
+        self.state.faults.counts.clone()
     }
 
     /// Limiter counts of each actuator sink so far.

@@ -1,20 +1,15 @@
-//! Offline runs: as fast as the processor allows, signals written to files.
+//! Sessions in virtual time: as fast as the processor allows, their files written by the caller's thread.
 
-use super::arrivals::{Arrivals, ReplayBounds, ReplayError, check_graph, check_logs};
+use super::arrivals::{Arrivals, ReplayBounds, ReplayError, check_graph, check_logs, repeat_inputs, replay};
 use super::file_sinks::{FileSinks, WriteError};
-use super::files::Files;
-use super::runner::Runner;
-use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
-use crate::plan::{Plan, PlanOptions};
+use super::rings::Writer;
+use super::session::{Session, SessionOptions};
+use super::virtual_clock::VirtualClock;
+use super::{ActuatorReport, Faults, RingCounts, RingMeter};
+use crate::plan::Plan;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// An offline run that is being set up.
-pub struct Offline<'a> {
-    sinks: FileSinks<'a>,
-    block: usize,
-}
 
 /// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,97 +58,103 @@ pub enum OfflineError {
     /// The run cannot be replayed.
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    /// The session cannot be opened.
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+    /// A node panicked.
+    #[error("a node panicked: this is a defect of the node, and the files end there")]
+    Panicked,
 }
 
-impl<'a> Offline<'a> {
-    /// A run of a graph in blocks of `block` driver frames (0: the default), its files written.
-    pub fn new(sinks: FileSinks<'a>, block: usize) -> Self {
-        Self { sinks, block }
-    }
-
-    fn plans(&self) -> Vec<Arc<Plan>> {
-        let options = PlanOptions { block: self.block, taps: self.sinks.taps.clone() };
-        let plans = self.sinks.planner.plans(&options).into_iter();
-        plans.map(Arc::new).collect()
-    }
-
-    /// Runs for `seconds`, until a source that stops the run has no more data, or until `stop` is set. Calls `progress`
-    /// with the seconds done. Completes all files, also when stopped.
+impl Session {
+    /// Runs a graph in virtual time for the options' seconds, until a source that stops the run has no more data, or until
+    /// it is stopped, which is at once and without a fade. Calls `progress` with the seconds done. Completes all files,
+    /// also when stopped. The actuators start rested.
     ///
     /// # Errors
-    /// [`OfflineError`] if a file cannot be written.
-    pub fn run(
-        self,
-        seconds: f64,
-        stop: &AtomicBool,
+    /// [`OfflineError`] if a file cannot be written or a node panics.
+    pub fn run_offline(
+        sinks: FileSinks<'_>,
+        options: &SessionOptions,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Outcome, OfflineError> {
-        let (planner, plans) = (self.sinks.planner, self.plans());
-        let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
-        let mut runner = Runner::new(&plans).ending_after(seconds).ending_with_data();
-        let mut written = Ok(());
-        while written.is_ok() && !runner.is_over() && !stop.load(Ordering::Relaxed) {
-            written = runner.run_quantum(|driver, run| files.write(driver, run));
-            let first = &runner.runs()[0];
-            progress(first.driver_frames() as f64 / first.rate_hz());
+        let planner = sinks.planner;
+        let (mut clock, mut session) = Self::in_virtual_time(sinks, options, true)?;
+        let is_stopped = || options.stop.load(Ordering::Relaxed);
+        while session.writes() && !clock.is_over() && !clock.has_panicked() && !is_stopped() {
+            clock.run_quantum(|_, _| session.write_block());
+            progress(seconds_of(&clock));
         }
-        // Also after a failure, such as a full disk: the files are complete up to there.
-        let finished = files.finish();
-        written?;
-        finished?;
-        let mut outcome = outcome_of(&runner, !runner.is_over());
+        let plans = session.plans();
+        let stopped = !clock.is_over();
+        let mut outcome = session.finish_offline(clock, stopped)?;
         if outcome.faults.ticks > 0 {
-            outcome.faults.origin = Runner::origin(planner, &plans, seconds, stop);
+            let seconds = options.seconds.unwrap_or(f64::INFINITY);
+            outcome.faults.origin = VirtualClock::origin(planner, &plans, seconds, &options.stop);
         }
         Ok(outcome)
     }
 
     /// Replays a live run from the log in `folder`, bit for bit, up to its end or a change of graph. Checks the log
-    /// against `bounds` first.
+    /// against `bounds` first. The options' duration has no effect.
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be written, or the log is not of a run of this graph within the bounds.
     pub fn replay(
-        self,
+        sinks: FileSinks<'_>,
         (folder, bounds): (&Path, &ReplayBounds),
-        stop: &AtomicBool,
+        options: &SessionOptions,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Outcome, OfflineError> {
-        let plans = self.plans();
-        let rested = check_graph(self.sinks.planner, folder)?;
-        let goes_on = || !stop.load(Ordering::Relaxed);
+        let rested = check_graph(sinks.planner, folder)?;
+        let options = SessionOptions { seconds: None, ..options.clone() };
+        let (mut clock, mut session) = Self::in_virtual_time(sinks, &options, rested)?;
+        let plans = session.plans();
+        let goes_on = || !options.stop.load(Ordering::Relaxed);
         check_logs(&plans, folder, bounds, &goes_on)?;
         let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
         let mut scripts = plans.iter().enumerate().map(open).collect::<Result<Vec<_>, _>>()?;
-        let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
-        let mut runner = Runner::new(&plans);
-        runner.repeat_inputs(&plans, folder, bounds)?;
-        if !rested {
-            runner.runs_mut().iter_mut().for_each(Run::assume_thermally_saturated);
-        }
-        let played = runner.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
-            files.write(driver, run)?;
+        repeat_inputs(clock.players_mut(), folder, bounds)?;
+        let played = replay(clock.players_mut(), &mut scripts, goes_on, |driver, run| {
+            session.write_block();
             if driver == 0 {
                 progress(run.driver_frames() as f64 / run.rate_hz());
             }
-            Ok(())
+            session.writes()
         });
-        let finished = files.finish();
+        let stopped = !goes_on() && !scripts.iter().all(Arrivals::is_over);
+        // Also after a failure, such as a full disk: the files are complete up to there.
+        let outcome = session.finish_offline(clock, stopped);
         played?;
-        finished?;
-        let stopped = stop.load(Ordering::Relaxed) && !scripts.iter().all(Arrivals::is_over);
-        Ok(outcome_of(&runner, stopped))
+        outcome
+    }
+
+    /// Opens a session whose clock is virtual and whose files the caller writes.
+    fn in_virtual_time(
+        sinks: FileSinks<'_>,
+        options: &SessionOptions,
+        rested: bool,
+    ) -> std::io::Result<(VirtualClock, Self)> {
+        // The clock reads the flag: a stop needs no fade.
+        let stop = Arc::<AtomicBool>::default();
+        let options = SessionOptions { offline: true, rested, stop, ..options.clone() };
+        let (players, session) = Self::open_with(sinks, &options, Writer::of_the_caller())?;
+        let rings = session.ring_meters();
+        Ok((VirtualClock::new(players, rings), session))
+    }
+
+    fn finish_offline(self, clock: VirtualClock, stopped: bool) -> Result<Outcome, OfflineError> {
+        let has_panicked = clock.has_panicked();
+        let ended = self.finish_all(clock.into_players());
+        match ended.failed.into_iter().next() {
+            Some(failed) => Err(failed.into()),
+            None if has_panicked => Err(OfflineError::Panicked),
+            None => Ok(Outcome { stopped, ..ended.outcome }),
+        }
     }
 }
 
-fn outcome_of(runner: &Runner, stopped: bool) -> Outcome {
-    let first = &runner.runs()[0];
-    Outcome {
-        driver_frames: first.driver_frames(),
-        seconds: first.driver_frames() as f64 / first.rate_hz(),
-        stopped,
-        faults: Faults::of(runner.runs().iter().map(Run::faults)),
-        actuators: runner.runs().iter().flat_map(Run::actuators).collect(),
-        rings: runner.rings().iter().map(|meter| RingReport::of(meter)).collect(),
-    }
+/// Seconds run by the first driver.
+fn seconds_of(clock: &VirtualClock) -> f64 {
+    clock.runs().next().map_or(0.0, |run| run.driver_frames() as f64 / run.rate_hz())
 }

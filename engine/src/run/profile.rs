@@ -1,30 +1,13 @@
 //! Cost of each step of running plans, measured by timing a fraction of the quanta step by step.
 
-use super::runner::{DriverTask, Runner};
+use super::cost::{StepObserver, clock_ns};
+use super::player::Player;
+use super::virtual_clock::VirtualClock;
 use crate::node_id::NodeId;
 use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
-use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Observer of finished steps.
-pub(super) trait StepObserver {
-    /// True if every step runs by itself and is reported.
-    const STEPWISE: bool;
-
-    /// Called after step `number` has run `ticks` of its clock.
-    fn step_done(&mut self, number: usize, ticks: usize);
-}
-
-/// Observes nothing.
-pub(super) struct NoObserver;
-
-impl StepObserver for NoObserver {
-    const STEPWISE: bool = false;
-
-    fn step_done(&mut self, _: usize, _: usize) {}
-}
 
 /// Largest number of samples kept for a step; further samples replace the oldest.
 const MAX_SAMPLES: usize = 4096;
@@ -37,9 +20,9 @@ const MAX_COST: f64 = 0.01;
 /// Shift of the timed quantum from period to period, as a fraction of the period: it avoids aliasing with the clocks.
 const STRIDE: f64 = 0.618_033_988_749_894_8;
 
-/// Profiled runs of all drivers of a graph.
+/// Virtual time that measures the players that it runs.
 pub struct Profile {
-    runner: Runner,
+    clock: VirtualClock,
     /// One for each driver.
     drivers: Vec<DriverProfile>,
     /// Cost of reading the clock, ns.
@@ -138,7 +121,7 @@ impl Profile {
             samples: vec![Samples::default(); plan.step_count()],
         };
         Self {
-            runner: Runner::new(plans),
+            clock: VirtualClock::of(plans),
             drivers: plans.iter().map(driver).collect(),
             clock_ns,
             every,
@@ -157,13 +140,13 @@ impl Profile {
         self.timed
     }
 
-    /// Runs a quantum; gives the same samples as [`Runner::run_quantum`].
+    /// Runs a quantum; gives the same samples as [`VirtualClock::run_quantum`].
     pub fn run_quantum(&mut self) {
         let (stretch, at) = (self.quanta / self.every, self.quanta % self.every);
         let turn = (STRIDE * stretch as f64).fract() * self.every as f64;
         self.quanta += 1;
         if at != turn as u64 {
-            let Ok(()) = self.runner.run_quantum(|_, _| Ok::<(), Infallible>(()));
+            self.clock.run_quantum(|_, _| {});
         } else {
             self.timed_quantum();
         }
@@ -172,19 +155,15 @@ impl Profile {
     fn timed_quantum(&mut self) {
         self.timed += 1;
         let drivers = &mut self.drivers;
-        let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
-            let stopwatch = &mut drivers[driver].stopwatch;
-            match task {
-                DriverTask::Poll => {
-                    run.poll_rings();
-                    stopwatch.steps.fill((0.0, 0));
-                }
-                DriverTask::Advance(frames) => {
-                    stopwatch.latest = Instant::now();
-                    run.advance_observed(frames, stopwatch);
-                }
+        drivers.iter_mut().for_each(|driver| driver.stopwatch.steps.fill((0.0, 0)));
+        self.clock.run_quantum_by(Player::begin, |driver, player, mut left| {
+            let (run, stopwatch) = (player.run_mut(), &mut drivers[driver].stopwatch);
+            while left > 0 {
+                let block = left.min(run.plan.block);
+                stopwatch.latest = Instant::now();
+                run.advance_observed(block, stopwatch);
+                left -= block;
             }
-            Ok::<(), Infallible>(())
         });
         for DriverProfile { stopwatch, samples } in drivers {
             for (samples, (ns, ticks)) in samples.iter_mut().zip(&stopwatch.steps) {
@@ -198,25 +177,24 @@ impl Profile {
     /// Runs a quantum and adds the time of each driver to `took_ns`.
     pub fn run_quantum_by_driver(&mut self, took_ns: &mut [f64]) {
         let clock_ns = self.clock_ns;
-        let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
+        self.clock.run_quantum_by(Player::begin, |driver, player, frames| {
             let begun = Instant::now();
-            match task {
-                DriverTask::Poll => run.poll_rings(),
-                DriverTask::Advance(frames) => run.advance(frames),
-            }
+            player.run_due(frames, &mut |_, _| {});
             took_ns[driver] += begun.elapsed().as_nanos() as f64 - clock_ns;
-            Ok::<(), Infallible>(())
         });
     }
 
-    /// The runs.
-    pub fn runner(&self) -> &Runner {
-        &self.runner
+    /// The clock.
+    pub fn clock(&self) -> &VirtualClock {
+        &self.clock
     }
 
     /// Cost of every step of a driver that ran, in the order of its plan.
     pub fn costs(&self, driver: usize) -> Vec<StepCost> {
-        let steps = self.runner.runs()[driver].plan.steps.iter();
+        let Some(run) = self.clock.runs().nth(driver) else {
+            return Vec::new();
+        };
+        let steps = run.plan.steps.iter();
         let cost = |(step, samples): (&Step, &Samples)| {
             let mut sorted = samples.ns_a_tick.clone();
             sorted.sort_by(f32::total_cmp);
@@ -244,15 +222,4 @@ impl Samples {
         }
         self.seen += 1;
     }
-}
-
-/// Time between two readings of the clock, ns.
-pub(super) fn clock_ns() -> f64 {
-    let gaps: Vec<f64> = (0..1000)
-        .map(|_| {
-            let before = Instant::now();
-            before.elapsed().as_nanos() as f64
-        })
-        .collect();
-    median(&gaps)
 }

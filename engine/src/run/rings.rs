@@ -1,4 +1,4 @@
-//! Tap rings carry tapped frames from the real-time threads to the writer thread.
+//! Tap rings carry tapped frames from the real-time half to the writer of the files.
 
 use super::Run;
 use super::file_sinks::{WriteError, WrittenFile};
@@ -33,14 +33,20 @@ struct TapRing {
 }
 
 impl TapRings {
-    /// Makes rings for the taps of a plan for which `wanted` is true; a swap brings the others.
-    pub fn new(plan: &Plan, wanted: impl Fn(usize) -> bool) -> (Self, Vec<Option<Consumer<f64>>>) {
+    /// Makes rings of `ring_s` seconds and a block for the taps of a plan for which `wanted` is true; a swap brings the
+    /// others.
+    pub fn new(
+        plan: &Plan,
+        ring_s: f64,
+        wanted: impl Fn(usize) -> bool,
+    ) -> (Self, Vec<Option<Consumer<f64>>>) {
         let (mut taps, mut outs) = (Vec::new(), Vec::new());
         for (place, stream) in plan.tap_streams().enumerate() {
             let (ring, out) = wanted(place)
                 .then(|| {
                     // A multiple of the frame size: a frame never wraps around.
-                    let frames = (RING_S * stream.rate.hz()).ceil() as usize + plan.block();
+                    let block_s = plan.block() as f64 / plan.driver_rate().hz();
+                    let frames = ((ring_s + block_s) * stream.rate.hz()).ceil() as usize + 1;
                     touched_ring(frames * stream.kind.width())
                 })
                 .unzip();
@@ -76,22 +82,22 @@ impl TapRings {
     }
 }
 
-/// The writer thread. It starts with the first file.
-#[derive(Default)]
-pub(super) struct WriterThread {
-    running: Option<RunningWriter>,
-    /// Files for which no thread could be started.
-    failed: Vec<WriteError>,
+/// The writer of a session's files.
+pub(super) enum Writer {
+    /// A thread, which starts with the first file, and the files for which none could be started.
+    Thread(Option<RunningWriter>, Vec<WriteError>),
+    /// The caller, after every block.
+    Caller(Vec<Job>),
 }
 
-struct RunningWriter {
+pub(super) struct RunningWriter {
     jobs: Sender<Job>,
     thread: JoinHandle<Vec<WriteError>>,
     failing: Receiver<String>,
 }
 
 /// A writer and the rings of its streams. It is finished when the write ends of all rings are dropped.
-struct Job {
+pub(super) struct Job {
     writer: Option<Box<dyn FrameWriter>>,
     what: PathBuf,
     rings: Vec<Consumer<f64>>,
@@ -108,48 +114,91 @@ impl RunningWriter {
     }
 }
 
-impl WriterThread {
-    /// Starts the thread, if it does not run.
+impl Writer {
+    /// A thread writes.
+    pub fn of_a_thread() -> Self {
+        Self::Thread(None, Vec::new())
+    }
+
+    /// The caller writes.
+    pub fn of_the_caller() -> Self {
+        Self::Caller(Vec::new())
+    }
+
+    /// Capacity of the rings of its files, s.
+    pub fn ring_s(&self) -> f64 {
+        match self {
+            Self::Thread(..) => RING_S,
+            Self::Caller(_) => 0.0,
+        }
+    }
+
+    /// Starts the thread, if there is one and it does not run.
     ///
     /// # Errors
     /// System errors if no thread can be started.
     pub fn start(&mut self) -> std::io::Result<()> {
-        if self.running.is_none() {
-            self.running = Some(RunningWriter::start()?);
+        if let Self::Thread(running @ None, _) = self {
+            *running = Some(RunningWriter::start()?);
         }
         Ok(())
     }
 
     /// Messages about files that failed since the last call.
     pub fn failing(&self) -> impl Iterator<Item = String> {
-        self.running.iter().flat_map(|running| running.failing.try_iter())
+        let running = match self {
+            Self::Thread(running, _) => running.as_ref(),
+            Self::Caller(_) => None,
+        };
+        running.into_iter().flat_map(|running| running.failing.try_iter())
     }
 
     /// Adds a file.
     pub fn add(&mut self, written: WrittenFile, rings: Vec<Consumer<f64>>) {
-        let path = written.what.clone();
-        if let Err(error) = self.start() {
-            return self.failed.push(WriteError { path, error });
+        let started = self.start();
+        let job = Job { writer: written.writer, what: written.what, rings, failed: None };
+        match (self, started) {
+            (Self::Caller(jobs), _) => jobs.push(job),
+            (Self::Thread(_, failed), Err(error)) => failed.push(WriteError { path: job.what, error }),
+            (Self::Thread(running, _), Ok(())) => {
+                // Cannot fail: the thread receives until this end is dropped.
+                if let Some(running) = running {
+                    let _ = running.jobs.send(job);
+                }
+            }
         }
-        if let Some(running) = &self.running {
-            // Cannot fail: the thread receives until this end is dropped.
-            let _ =
-                running.jobs.send(Job { writer: written.writer, what: written.what, rings, failed: None });
+    }
+
+    /// Writes what the rings hold, if the caller writes.
+    pub fn write_block(&mut self) {
+        if let Self::Caller(jobs) = self {
+            jobs.iter_mut().for_each(Job::drain);
+        }
+    }
+
+    /// True unless a file that the caller writes has failed.
+    pub fn writes(&self) -> bool {
+        match self {
+            Self::Thread(..) => true,
+            Self::Caller(jobs) => jobs.iter().all(|job| job.failed.is_none()),
         }
     }
 
     /// Waits until everything is written. The write ends of all rings must be dropped before.
-    pub fn finish(mut self) -> Vec<WriteError> {
-        let Some(RunningWriter { jobs, thread, .. }) = self.running else {
-            return self.failed;
-        };
-        drop(jobs);
-        let written = thread.join().unwrap_or_else(|_| {
-            let error = std::io::Error::other("the thread that writes files panicked");
-            vec![WriteError { path: PathBuf::from("the files of the run"), error }]
-        });
-        self.failed.extend(written);
-        self.failed
+    pub fn finish(self) -> Vec<WriteError> {
+        match self {
+            Self::Caller(mut jobs) => jobs.iter_mut().filter_map(Job::finish).collect(),
+            Self::Thread(None, failed) => failed,
+            Self::Thread(Some(RunningWriter { jobs, thread, .. }), mut failed) => {
+                drop(jobs);
+                let written = thread.join().unwrap_or_else(|_| {
+                    let error = std::io::Error::other("the thread that writes files panicked");
+                    vec![WriteError { path: PathBuf::from("the files of the run"), error }]
+                });
+                failed.extend(written);
+                failed
+            }
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! A live run without its drivers: its controls, its files and its outcome.
+//! A run of a graph, whatever its clock: its controls, its files, its probes and its outcome.
 
 mod change;
 
@@ -6,28 +6,28 @@ pub use change::{ChangeError, Changed};
 
 use super::arm::ArmSwitch;
 use super::arrivals::{self, ArrivalLog, Input, InputLog, LogWriter};
-use super::control::{Control, ControlError};
+use super::control::{Control, ControlError, SetError, UnknownSetting};
 use super::cost;
 use super::file_sinks::{FileSinks, WriteError, WrittenFile};
-use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
-use super::rings::{TapRings, WriterThread};
-use super::runner::connect;
+use super::player::{Player, PlayerState, player_until};
+use super::ring_edges::connect;
+use super::rings::{TapRings, Writer};
 use super::silence::{self, ActuatorLevel, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::node::Stream;
 use crate::node_id::NodeId;
 use crate::plan::{Plan, PlanOptions};
-use crate::settings::{LiveSetting, SettingId};
+use crate::settings::{LiveSetting, SettingId, choices};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Options of a live run: `LiveOptions::default().block(64).rested()`.
+/// Options of a run: `SessionOptions::default().block(64).rested()`.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
-pub struct LiveOptions {
+pub struct SessionOptions {
     /// Largest block in driver frames; 0 means the default.
     pub block: usize,
     /// Duration, s; `None` runs until it is stopped. A source whose data end earlier can end the run.
@@ -41,9 +41,17 @@ pub struct LiveOptions {
     pub stop: Arc<AtomicBool>,
     /// With a switch, real devices get zeros until it is armed; without one they are driven from the start.
     pub arm: Option<Arc<ArmSwitch>>,
+    /// Outputs of nodes whose frames the caller reads, without a limiter: `"texture.output"`.
+    /// [`Player::open`](crate::run::Player::open) makes them.
+    pub probes: Vec<String>,
+    /// Folder of the graph's file sinks of [`Player::open`](crate::run::Player::open); without one they write nothing.
+    pub folder: Option<PathBuf>,
+    /// Times about one block in sixteen, step by step, for [`Session::node_costs`]. It has no effect in a browser,
+    /// whose clock is too coarse.
+    pub sample_costs: bool,
 }
 
-impl LiveOptions {
+impl SessionOptions {
     /// Sets the largest block in driver frames.
     #[must_use]
     pub fn block(mut self, frames: usize) -> Self {
@@ -58,6 +66,13 @@ impl LiveOptions {
         self
     }
 
+    /// Adds a probe.
+    #[must_use]
+    pub fn probe(mut self, output: &str) -> Self {
+        self.probes.push(output.to_owned());
+        self
+    }
+
     /// Declares the actuators cold.
     #[must_use]
     pub fn rested(mut self) -> Self {
@@ -66,14 +81,14 @@ impl LiveOptions {
     }
 }
 
-/// The side of a live run for threads that are not real-time: settings, swaps and reports. Its other side is a
-/// [`Live`] for the callback of each driver.
+/// The half of a run for threads that are not real-time: settings, swaps, probes, files and reports. Its real-time half
+/// is a [`Player`] for each driver, which a clock runs: a device's callback, a timer, the caller, or virtual time.
 ///
 /// ```
 /// use haptograph_engine::document::Document;
 /// use haptograph_engine::graph::{CheckOptions, check};
 /// use haptograph_engine::registry::Registry;
-/// use haptograph_engine::run::{Change, FileSinks, LiveOptions, Session};
+/// use haptograph_engine::run::{Change, FileSinks, SessionOptions, Session};
 /// # use haptograph_engine::frame::Scalar;
 /// # use haptograph_engine::node::*;
 /// # use haptograph_signal::quantity::Quantity;
@@ -101,15 +116,15 @@ impl LiveOptions {
 /// # };
 /// # let (before, after) = (graph("")?, graph(r#""more": Level(clock: "servo")"#)?);
 ///
-/// let (mut live, mut session) = Session::open(FileSinks::new(&before), &LiveOptions::default())?;
-/// live.callback(48, |_run, _frames| {}); // In the driver's callback.
+/// let (mut player, mut session) = Session::open(FileSinks::new(&before), &SessionOptions::default())?;
+/// player.process(48); // In the driver's callback.
 ///
 /// session.set_by_name("level.value", 0.5)?;
 /// let changed = session.change_without_files(&after)?;
 /// assert_eq!(changed.change, Change::AtOnce); // Neither graph has an actuator to fade.
-/// live.callback(48, |_run, _frames| {});
+/// player.process(48);
 ///
-/// let outcome = session.finish(live);
+/// let outcome = session.finish(player);
 /// assert!(outcome.failed.is_empty());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -120,14 +135,21 @@ pub struct Session {
     controls: Vec<Control>,
     /// Meters of the rings between the drivers.
     rings: Vec<Arc<RingMeter>>,
-    writer: WriterThread,
+    writer: Writer,
     block: usize,
     /// All files and probes of the run, ended ones included.
     entries: Vec<Entry>,
     /// (entry, stream) of each tap of the present plan.
     taps: Vec<(usize, usize)>,
-    /// Probe rings for the caller, in the order of the requests, until [`handed`](Self::handed) returns them.
-    handed: Vec<Consumer<f64>>,
+    pub(crate) probes: Vec<HandedProbe>,
+}
+
+/// An output that the caller reads.
+pub(crate) struct HandedProbe {
+    pub name: String,
+    pub stream: Stream,
+    /// `None` when its handle has been taken.
+    pub ring: Option<Consumer<f64>>,
 }
 
 struct Entry {
@@ -139,11 +161,11 @@ struct Entry {
     running: bool,
 }
 
-/// Outcome of a live run.
+/// Outcome of a run.
 #[derive(Debug)]
 #[non_exhaustive]
-pub struct LiveOutcome {
-    /// The part that offline runs also have.
+pub struct SessionOutcome {
+    /// The part that does not depend on the clock.
     pub outcome: Outcome,
     /// Timing of all drivers together.
     pub meters: Meters,
@@ -162,20 +184,19 @@ pub struct LiveOutcome {
 }
 
 impl Session {
-    /// Opens a live run of a graph with one driver and returns both sides.
+    /// Opens a run of a graph with one driver and returns both halves.
     ///
     /// # Errors
     /// System errors if no thread can be started; an error if the graph has several drivers.
-    pub fn open(sinks: FileSinks<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
-        let (mut lives, session) = Self::open_all(sinks, options, None)?;
-        match (lives.pop(), lives.is_empty()) {
-            (Some(live), true) => Ok((live, session)),
+    pub fn open(sinks: FileSinks<'_>, options: &SessionOptions) -> std::io::Result<(Player, Self)> {
+        let (mut players, session) = Self::open_all(sinks, options, None)?;
+        match (players.pop(), players.is_empty()) {
+            (Some(player), true) => Ok((player, session)),
             _ => Err(std::io::Error::other("this graph has several drivers")),
         }
     }
 
-    /// Opens a live run and returns its real-time sides, one for each driver in the order of the graph, and the
-    /// session.
+    /// Opens a run and returns its real-time halves, one for each driver in the order of the graph, and the session.
     ///
     /// With a `folder`, the run writes its replay log there.
     ///
@@ -183,66 +204,98 @@ impl Session {
     /// System errors if a thread cannot be started or a file cannot be written; [`OfflineOnly`](crate::node::OfflineOnly).
     pub fn open_all(
         sinks: FileSinks<'_>,
-        options: &LiveOptions,
+        options: &SessionOptions,
         folder: Option<&Path>,
-    ) -> std::io::Result<(Vec<Live>, Self)> {
+    ) -> std::io::Result<(Vec<Player>, Self)> {
+        let mut writer = Writer::of_a_thread();
+        if folder.is_some() || sinks.written.iter().any(|written| written.writer.is_some()) {
+            writer.start()?;
+        }
+        let planner = sinks.planner;
+        let (mut players, mut session) = Self::open_with(sinks, options, writer)?;
+        if let Some(folder) = folder {
+            arrivals::keep_graph(planner, options.rested, folder)?;
+            for (driver, player) in players.iter_mut().enumerate() {
+                session.log(driver, player, folder)?;
+                session.log_inputs((driver, player), folder)?;
+            }
+        }
+        Ok((players, session))
+    }
+
+    /// Opens a run whose files `writer` writes.
+    pub(super) fn open_with(
+        sinks: FileSinks<'_>,
+        options: &SessionOptions,
+        writer: Writer,
+    ) -> std::io::Result<(Vec<Player>, Self)> {
         if !options.offline {
             sinks.planner.refuse_scripts().map_err(std::io::Error::other)?;
         }
         let plan_options = PlanOptions { block: options.block, taps: sinks.taps.clone() };
-        let mut session = Self {
-            stop: Arc::clone(&options.stop),
-            arm: options.arm.clone(),
-            controls: Vec::new(),
-            rings: Vec::new(),
-            writer: WriterThread::default(),
-            block: options.block,
-            entries: Vec::new(),
-            taps: vec![(0, 0); sinks.taps.len()],
-            handed: Vec::new(),
-        };
-        if folder.is_some() || sinks.written.iter().any(|written| written.writer.is_some()) {
-            session.writer.start()?;
-        }
         let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
-        let mut lives = Vec::new();
+        let (mut players, mut controls) = (Vec::new(), Vec::new());
         let hottest = Arc::default();
         for plan in sinks.planner.plans(&plan_options) {
             let plan = Arc::new(plan);
-            let rings = tap_rings(&plan, Vec::new(), &mut outs);
-            let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));
-            live.send_taps_through(rings);
-            live.share_heat(Arc::clone(&hottest));
+            let rings = tap_rings(&plan, writer.ring_s(), Vec::new(), &mut outs);
+            let (mut player, control) = player_until(Arc::clone(&plan), Arc::clone(&options.stop));
+            player.send_taps_through(rings);
+            player.share_heat(Arc::clone(&hottest));
             if !options.rested {
-                live.run_mut().assume_thermally_saturated();
+                player.run_mut().assume_thermally_saturated();
             }
             if let Some(switch) = &options.arm {
-                live.run_mut().arm_by(switch);
+                player.run_mut().arm_by(switch);
             }
-            let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
-            if let Some(frames) = options.seconds.map(frames).into_iter().chain(plan.data_frames).min() {
-                live.end_after(frames);
+            if let Some(seconds) = options.seconds {
+                player.end_after_seconds(seconds);
             }
-            session.controls.push(control);
-            lives.push(live);
+            if let Some(frames) = player.end().into_iter().chain(plan.data_frames).min() {
+                player.end_after(frames);
+            }
+            controls.push(control);
+            players.push(player);
         }
-        session.rings = connect(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
-        if let Some(folder) = folder {
-            arrivals::keep_graph(sinks.planner, options.rested, folder)?;
-            for (driver, live) in lives.iter_mut().enumerate() {
-                session.log(driver, live, folder)?;
-                session.log_inputs((driver, live), folder)?;
-            }
-        }
+        let mut session = Self {
+            stop: Arc::clone(&options.stop),
+            arm: options.arm.clone(),
+            controls,
+            rings: connect(&mut players.iter_mut().map(Player::run_mut).collect::<Vec<_>>()),
+            writer,
+            block: options.block,
+            entries: Vec::new(),
+            taps: vec![(0, 0); sinks.taps.len()],
+            probes: Vec::new(),
+        };
         session.write(sinks, outs);
-        Ok((lives, session))
+        Ok((players, session))
+    }
+
+    /// The plans of its drivers.
+    pub(super) fn plans(&self) -> Vec<Arc<Plan>> {
+        self.controls.iter().map(|control| Arc::clone(control.plan())).collect()
+    }
+
+    pub(super) fn ring_meters(&self) -> Vec<Arc<RingMeter>> {
+        self.rings.clone()
+    }
+
+    /// Writes the frames of a block, if the caller writes the files.
+    pub(super) fn write_block(&mut self) {
+        self.writer.write_block();
+    }
+
+    /// True unless a file that the caller writes has failed.
+    pub(super) fn writes(&self) -> bool {
+        self.writer.writes()
     }
 
     /// Logs a driver's callbacks and setting changes for a replay.
-    fn log(&mut self, driver: usize, live: &mut Live, folder: &Path) -> std::io::Result<()> {
+    fn log(&mut self, driver: usize, player: &mut Player, folder: &Path) -> std::io::Result<()> {
         let plan = self.controls[driver].plan();
         let (log, kept) = ArrivalLog::new(plan);
-        live.log_through(log);
+        player.log_through(log);
         let what = arrivals::file(folder, driver);
         let callbacks = WrittenFile::apart(Box::new(LogWriter::callbacks(&what, plan)?), what);
         let what = arrivals::settings_file(folder, driver);
@@ -253,10 +306,10 @@ impl Session {
     }
 
     /// Logs the live inputs that a driver reads for a replay.
-    fn log_inputs(&mut self, (driver, live): (usize, &mut Live), folder: &Path) -> std::io::Result<()> {
+    fn log_inputs(&mut self, (driver, player): (usize, &mut Player), folder: &Path) -> std::io::Result<()> {
         for input in Input::all(self.controls[driver].plan()) {
             let (log, kept) = InputLog::new(&input);
-            live.run_mut().log_input(input.place, log);
+            player.run_mut().log_input(input.place, log);
             let what = arrivals::input_file(folder, driver, input.place);
             let sensed = WrittenFile::apart(Box::new(input.writer(&what)?), what);
             self.writer.add(sensed, vec![kept]);
@@ -303,7 +356,7 @@ impl Session {
     }
 
     /// Time that each node took so far, ns, in the blocks that were timed since its graph took over; empty if none were
-    /// ([`PlayOptions::sample_costs`](crate::host::PlayOptions::sample_costs)). The shares are those of all blocks.
+    /// ([`SessionOptions::sample_costs`]). The shares are those of all blocks.
     pub fn node_costs(&self) -> Vec<(NodeId, f64)> {
         let plans = self.controls.iter().map(|control| &**control.plan());
         plans.flat_map(cost::of_nodes).collect()
@@ -330,26 +383,52 @@ impl Session {
         control.ok_or(ControlError::NotLive)?.set(node, setting, value)
     }
 
+    /// Finds a live setting by its name: `out.gain`.
+    ///
+    /// # Errors
+    /// [`UnknownSetting`] with the closest name or all names.
+    pub fn find_setting(&self, name: &str) -> Result<(NodeId, SettingId), UnknownSetting> {
+        let found = self.settings().find(|live| live.name() == name);
+        found.map(|live| (live.node, live.setting)).ok_or_else(|| self.unknown_setting(name))
+    }
+
+    /// The error for a name that no live setting has.
+    pub fn unknown_setting(&self, name: &str) -> UnknownSetting {
+        let names: Vec<String> = self.settings().map(LiveSetting::name).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        UnknownSetting { name: name.to_owned(), help: choices(name, &names, "the live settings are") }
+    }
+
     /// Sets a live setting by its name: `out.gain`.
     ///
     /// # Errors
-    /// As [`Control::set`].
-    pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), ControlError> {
-        let has_it = |control: &&mut Control| control.settings().iter().any(|live| live.name() == name);
-        let control = self.controls.iter_mut().find(has_it);
-        control.ok_or(ControlError::NotLive)?.set_by_name(name, value)
+    /// [`SetError`] as of [`find_setting`](Self::find_setting) and [`set`](Self::set).
+    pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), SetError> {
+        let (node, setting) = self.find_setting(name)?;
+        Ok(self.set(node, setting, value)?)
     }
 
-    /// Passes the writers and the read ends of their rings to the writer thread.
+    /// Passes the writers and the read ends of their rings to the writer, and those without a writer to the probes.
     fn write(&mut self, sinks: FileSinks<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
         for written in sinks.written {
             let number = self.entries.len();
-            let mut streams = Vec::new();
+            let mut streams: Vec<Stream> = Vec::new();
             let mut ends = Vec::new();
             for (place, tap) in written.taps.iter().enumerate() {
                 self.taps[*tap] = (number, place);
                 streams.push(sinks.planner.stream(sinks.taps[*tap]));
                 ends.extend(rings[*tap].take());
+            }
+            if written.writer.is_none() {
+                let name = written.what.to_string_lossy().into_owned();
+                // It replaces an ended one of that name.
+                self.probes.retain(|probe| probe.name != name);
+                let mut probes = streams.iter().cloned().zip(ends.drain(..));
+                self.probes.extend(probes.next().map(|(stream, ring)| HandedProbe {
+                    name,
+                    stream,
+                    ring: Some(ring),
+                }));
             }
             self.entries.push(Entry {
                 what: written.what.clone(),
@@ -358,52 +437,48 @@ impl Session {
                 is_handed: written.writer.is_none(),
                 running: true,
             });
-            match written.writer {
-                Some(_) => self.writer.add(written, ends),
-                None => self.handed.extend(ends),
+            if written.writer.is_some() {
+                self.writer.add(written, ends);
             }
         }
     }
 
-    /// Takes the probe rings for the caller.
-    pub(crate) fn handed(&mut self) -> Vec<Consumer<f64>> {
-        std::mem::take(&mut self.handed)
+    /// Ends the run and completes all files. `player` is the real-time half that the driver returned.
+    pub fn finish(self, player: Player) -> SessionOutcome {
+        self.finish_all(vec![player])
     }
 
-    /// Completes all files. `live` is the real-time side that the driver returned.
-    pub fn finish(self, live: Live) -> LiveOutcome {
-        self.finish_all(vec![live])
-    }
-
-    /// Completes all files. `lives` are the real-time sides that the drivers returned, in the order of the graph.
-    pub fn finish_all(mut self, lives: Vec<Live>) -> LiveOutcome {
+    /// As [`finish`](Self::finish). `players` are the real-time halves that the drivers returned, in the order of the
+    /// graph.
+    pub fn finish_all(mut self, players: Vec<Player>) -> SessionOutcome {
         let meters = self.poll().into_iter();
         let drivers: Vec<(String, Meters)> =
             meters.map(|(name, meters)| (name.to_owned(), meters.clone())).collect();
         let mut meters = Meters::default();
         drivers.iter().for_each(|(_, one)| meters.add(one));
-        let frames = lives.first().map_or(0, Live::frames);
+        let frames = players.first().map_or(0, Player::frames);
         let rate_hz = self.controls[0].plan().driver_rate().hz();
         let outcome = Outcome {
             driver_frames: frames,
             seconds: frames as f64 / rate_hz,
-            stopped: lives.iter().any(|live| live.state() != LiveState::Finished),
-            faults: Faults::of(lives.iter().map(Live::faults)),
-            actuators: lives.iter().flat_map(Live::actuators).collect(),
+            stopped: players.iter().any(|player| player.state() != PlayerState::Finished),
+            faults: Faults::of(players.iter().map(Player::faults)),
+            actuators: players.iter().flat_map(Player::actuators).collect(),
             rings: self.rings().collect(),
         };
-        let lost_devices = lives.iter().flat_map(|live| live.run().lost_devices().map(str::to_owned));
+        let lost_devices = players.iter().flat_map(|player| player.run().lost_devices().map(str::to_owned));
         let lost_devices = lost_devices.collect();
-        let panicked = |live: &Live| live.state() == LiveState::Panicked;
+        let panicked = |player: &Player| player.state() == PlayerState::Panicked;
         let (panicked, lost_numbers, lost_arrivals) = (
-            lives.iter().any(panicked),
-            lives.iter().map(Live::lost_numbers).sum(),
-            lives.iter().map(Live::lost_arrivals).sum(),
+            players.iter().any(panicked),
+            players.iter().map(Player::lost_numbers).sum(),
+            players.iter().map(Player::lost_arrivals).sum(),
         );
+        self.writer.write_block();
         // A replaced plan may still be in the report ring: the tap rings end when both sides are dropped.
-        drop(lives);
+        drop(players);
         drop(self.controls);
-        LiveOutcome {
+        SessionOutcome {
             outcome,
             meters,
             drivers,
@@ -418,8 +493,13 @@ impl Session {
 
 /// Makes the rings of a plan's taps, except those kept from the old plan. Puts their read ends into `outs` by tap
 /// index.
-fn tap_rings(plan: &Plan, kept: Vec<(usize, usize)>, outs: &mut [Option<Consumer<f64>>]) -> TapRings {
-    let (mut rings, far) = TapRings::new(plan, |place| kept.iter().all(|(_, new)| *new != place));
+fn tap_rings(
+    plan: &Plan,
+    ring_s: f64,
+    kept: Vec<(usize, usize)>,
+    outs: &mut [Option<Consumer<f64>>],
+) -> TapRings {
+    let (mut rings, far) = TapRings::new(plan, ring_s, |place| kept.iter().all(|(_, new)| *new != place));
     for (place, far) in plan.tap_places.iter().zip(far) {
         outs[*place] = far;
     }

@@ -24,21 +24,26 @@ pub(super) struct PlanSwap {
     facts: Facts,
     /// Rings of its taps.
     pub rings: TapRings,
+    pub transfers: Transfers,
+}
+
+/// What passes from the old plan to the new one: (old, new) indices.
+pub(super) struct Transfers {
     processors: Vec<(usize, usize, StateTransfer)>,
     bridges: Vec<(usize, usize)>,
     delays: Vec<(usize, usize, StateTransfer)>,
-    pub(super) devices: Vec<(usize, usize)>,
-    /// (old, new) index of actuators whose counts continue.
+    pub devices: Vec<(usize, usize)>,
+    /// Actuators whose counts continue.
     actuators: Vec<(usize, usize)>,
     /// Those of them that drive the same channel of the same device: their heat continues too.
-    pub(super) drives: Vec<(usize, usize)>,
+    pub drives: Vec<(usize, usize)>,
     /// Actuators of the old plan that the new one does not drive.
     removed_actuators: Vec<usize>,
     /// Actuators of the new plan that the old one did not drive.
     new_actuators: Vec<usize>,
-    /// (old, new) index of ends of rings to other drivers that continue.
-    pub(super) readers: Vec<(usize, usize)>,
-    pub(super) writers: Vec<(usize, usize)>,
+    /// Ends of rings to other drivers that continue.
+    pub readers: Vec<(usize, usize)>,
+    pub writers: Vec<(usize, usize)>,
 }
 
 /// Transfer of state if the two plans do not run together. In a cross-fade all state is copied.
@@ -96,7 +101,8 @@ impl PlanSwap {
         let delays = pairs(old, &plan, delay);
         let common = Common { devices: &devices, drives: &drives, delays: &delays };
         let facts = Facts::of(old, &plan, common, has_time);
-        Self {
+        let mode = decide(&facts);
+        let transfers = Transfers {
             removed_actuators: (0..old.actuators.len()).filter(leaves).collect(),
             new_actuators: (0..plan.actuators.len()).filter(is_new).collect(),
             bridges: pairs(old, &plan, bridge),
@@ -105,13 +111,10 @@ impl PlanSwap {
             actuators,
             drives,
             processors,
-            rings,
             readers: Vec::new(),
             writers: Vec::new(),
-            mode: decide(&facts),
-            facts,
-            run: Run::new(plan),
-        }
+        };
+        Self { run: Run::new(plan), mode, facts, rings, transfers }
     }
 
     /// Notes that the new plan has ring ends that the old plan does not have.
@@ -134,7 +137,7 @@ impl PlanSwap {
         };
         self.transfer_heat(running, hottest);
         let (old, new) = (&mut running.state, &mut self.run.state);
-        for (from, to, transfer) in &self.processors {
+        for (from, to, transfer) in &self.transfers.processors {
             match transfer {
                 StateTransfer::Moved if !together => {
                     std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]);
@@ -143,12 +146,12 @@ impl PlanSwap {
             }
             new.update_law(*to);
         }
-        for (from, to) in &self.bridges {
+        for (from, to) in &self.transfers.bridges {
             if let (Some(new), Some(old)) = (&mut new.bridges[*to], &old.bridges[*from]) {
                 new.continue_from(&**old);
             }
         }
-        for (from, to, transfer) in &self.delays {
+        for (from, to, transfer) in &self.transfers.delays {
             match transfer {
                 StateTransfer::Moved if !together => {
                     std::mem::swap(&mut old.delays[*from], &mut new.delays[*to]);
@@ -156,21 +159,21 @@ impl PlanSwap {
                 _ => new.delays[*to].copy_state_from(&old.delays[*from]),
             }
         }
-        for (from, to) in &self.devices {
+        for (from, to) in &self.transfers.devices {
             let (from_plan, to_plan) = (&running.plan.devices[*from], &self.run.plan.devices[*to]);
             new.devices[*to].take_over(&mut old.devices[*from], from_plan, to_plan);
         }
-        for (from, to) in &self.readers {
+        for (from, to) in &self.transfers.readers {
             std::mem::swap(&mut old.ring_ends.readers[*from], &mut new.ring_ends.readers[*to]);
         }
-        for (from, to) in &self.writers {
+        for (from, to) in &self.transfers.writers {
             std::mem::swap(&mut old.ring_ends.writers[*from], &mut new.ring_ends.writers[*to]);
         }
         self.run.init_gates();
         let (old, new) = (&mut running.state, &mut self.run.state);
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);
-        new.faults = std::mem::take(&mut old.faults);
+        new.faults.counts = std::mem::take(&mut old.faults.counts);
         std::mem::swap(&mut self.run, running);
     }
 }
@@ -179,16 +182,16 @@ impl PlanSwap {
     /// Transfers limiter state. Heat belongs to the device: it continues for the same channel of the same device.
     fn transfer_heat(&mut self, running: &Run, hottest: &Hottest) {
         let (old, new) = (&running.state.actuators, &mut self.run.state.actuators);
-        for (from, to) in &self.actuators {
+        for (from, to) in &self.transfers.actuators {
             new[*to].limiter.count_on_from(&old[*from].limiter);
         }
-        for (from, to) in &self.drives {
+        for (from, to) in &self.transfers.drives {
             new[*to].limiter.continue_from(&old[*from].limiter);
         }
-        for old_at in &self.removed_actuators {
+        for old_at in &self.transfers.removed_actuators {
             old[*old_at].limiter.leave_to(hottest);
         }
-        for new_at in &self.new_actuators {
+        for new_at in &self.transfers.new_actuators {
             // It may be the same hardware as a removed actuator, under another name.
             new[*new_at].limiter.begin_as_any_of(hottest);
         }

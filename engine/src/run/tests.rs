@@ -5,18 +5,17 @@ mod arrivals;
 mod change;
 mod edits;
 mod heat;
-mod live;
 mod naive;
-mod runner;
+mod player;
 mod swap;
+mod virtual_clock;
 mod world;
 
-use super::{FileSinks, Offline, Profile, Run, Runner, StepCost};
+use super::{FileSinks, Profile, Run, Session, SessionOptions, StepCost, VirtualClock};
 use crate::graph::Graph;
 use crate::graph::NodeId;
 use crate::node::FrameWriter;
 use crate::plan::{Plan, PlanOptions};
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use world::random_graph;
 
@@ -94,36 +93,34 @@ impl FrameWriter for Heard {
 #[test]
 fn a_stop_ends_the_run_with_complete_blocks() {
     let graph = random_graph(3, 3);
-    let stop = AtomicBool::new(false);
-    let offline = Offline::new(FileSinks::new(&graph), 10);
+    let options = SessionOptions::default().block(10).seconds(1e6);
     let mut calls = 0;
-    let outcome = offline
-        .run(1e6, &stop, &mut |_| {
-            calls += 1;
-            stop.store(calls == 5, std::sync::atomic::Ordering::Relaxed);
-        })
-        .unwrap();
+    let outcome = Session::run_offline(FileSinks::new(&graph), &options, &mut |_| {
+        calls += 1;
+        options.stop.store(calls == 5, std::sync::atomic::Ordering::Relaxed);
+    });
+    let outcome = outcome.unwrap();
     assert_eq!((outcome.driver_frames, outcome.stopped), (50, true));
 }
 
 #[test]
 fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
     let alone = (0..30).map(|seed| (seed, random_graph(seed, seed)));
-    for (seed, graph) in alone.chain(runner::graphs().take(12)) {
+    for (seed, graph) in alone.chain(virtual_clock::graphs().take(12)) {
         let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
         let plans = Plan::of(&graph, &PlanOptions { block: 50, taps });
         let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
-        let (mut plain, mut measured) = (Runner::new(&plans), Profile::timing_every(&plans, 3));
+        let (mut plain, mut measured) = (VirtualClock::of(&plans), Profile::timing_every(&plans, 3));
         let mut took_ns = vec![0.0; plans.len()];
         let rounds = 30 * plans.len() as u64;
         for round in 0..rounds * 2 {
-            let Ok(()) = plain.run_quantum(|_, _| Ok::<(), std::convert::Infallible>(()));
+            plain.run_quantum(|_, _| {});
             if round < rounds {
                 measured.run_quantum();
             } else {
                 measured.run_quantum_by_driver(&mut took_ns);
             }
-            for (plain, measured) in plain.runs().iter().zip(measured.runner().runs()) {
+            for (plain, measured) in plain.runs().zip(measured.clock().runs()) {
                 assert_eq!(plain.driver_frames(), measured.driver_frames());
                 for tap in 0..plain.plan.tap_streams().count() {
                     let bits = |frames: &[f64]| frames.iter().map(|x| x.to_bits()).collect::<Vec<_>>();

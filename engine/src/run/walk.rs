@@ -2,8 +2,8 @@
 
 use super::State;
 use super::actuator::When;
+use super::cost::StepObserver;
 use super::device::Ownership;
-use super::profile::StepObserver;
 use super::window::{Window, range_of};
 use crate::bridges::Ends;
 use crate::io::{Form, ResolvedInput};
@@ -41,7 +41,7 @@ impl State {
                     let most = if W::STEPWISE { 1 } else { range.end - number };
                     let window = self.windows.of(step.clock);
                     let period_s = plan.periods_s[step.clock as usize];
-                    if window.count == 1 && step.singles > 0 && !self.faults.tracing {
+                    if window.count == 1 && step.singles > 0 && !self.faults.counts.tracing {
                         let singles = (step.singles as usize).min(most);
                         self.without_ports(first..first + singles, window, period_s);
                         singles
@@ -77,7 +77,7 @@ impl State {
         pacings: &[u64],
         observer: &mut W,
     ) {
-        self.whole.copy_from_slice(self.windows.all());
+        self.windows.save();
         self.windows.rewind();
         let (mut begin, end) = self.windows.block();
         while begin < end {
@@ -85,7 +85,7 @@ impl State {
             self.windows.narrow_to(begin);
             self.steps(plan, range.clone(), observer);
         }
-        self.windows.restore(&self.whole);
+        self.windows.restore();
     }
 
     /// Runs processors for one frame without ports.
@@ -118,7 +118,7 @@ impl State {
             return steps.len();
         }
         let tick = tick(window, period_s);
-        let tracing = self.faults.tracing;
+        let tracing = self.faults.counts.tracing;
         let single = window.count == 1 && !tracing;
         let memory = self.memory.all_mut();
         for (done, (step, processor)) in steps.iter().zip(&mut self.processors[first..]).enumerate() {
@@ -127,10 +127,14 @@ impl State {
             }
             processor.process(&tick, window.offset, &step.wires, memory);
             if tracing
-                && self.upstream_candidates.get(step.node.index()).is_none_or(|is_candidate| *is_candidate)
+                && self
+                    .faults
+                    .upstream_candidates
+                    .get(step.node.index())
+                    .is_none_or(|is_candidate| *is_candidate)
             {
                 let (_, out, _) = step.wires.out.split(memory);
-                self.faults.trace_origin(step, out, window);
+                self.faults.counts.trace_origin(step, out, window);
             }
         }
         steps.len()
@@ -166,9 +170,9 @@ impl State {
                     When { fade: self.fade, first: window.first, period: self.windows.period(step.clock) };
                 let faults = self.actuators[index as usize].apply(&when, x, output(out, step, window));
                 if faults > 0 {
-                    self.faults.ticks += faults;
-                    self.first_faulted_sink = self.first_faulted_sink.or(Some(step.node));
-                    self.faults.tracing = self.faults.origin.is_none();
+                    self.faults.counts.ticks += faults;
+                    self.faults.first_sink = self.faults.first_sink.or(Some(step.node));
+                    self.faults.counts.tracing = self.faults.counts.origin.is_none();
                 }
             }
             StepWork::DelayRead(index) => {

@@ -47,12 +47,14 @@ pub(crate) struct Windows {
     /// The end.
     end: u64,
     clocks: Vec<Window>,
+    /// The block's windows while an island narrows them.
+    whole: Vec<Window>,
 }
 
 impl Windows {
     pub(crate) fn new(plan: &Plan) -> Self {
         let clocks = vec![Window::default(); plan.rates.len()];
-        Self { base: plan.base.clone(), driver: plan.driver, begin: 0, end: 0, clocks }
+        Self { base: plan.base.clone(), driver: plan.driver, begin: 0, end: 0, whole: clocks.clone(), clocks }
     }
 
     #[inline]
@@ -119,12 +121,13 @@ impl Windows {
         }
     }
 
-    pub(crate) fn all(&self) -> &[Window] {
-        &self.clocks
+    /// Keeps the block's windows while an island narrows them.
+    pub(crate) fn save(&mut self) {
+        self.whole.copy_from_slice(&self.clocks);
     }
 
-    pub(crate) fn restore(&mut self, whole: &[Window]) {
-        self.clocks.copy_from_slice(whole);
+    pub(crate) fn restore(&mut self) {
+        self.clocks.copy_from_slice(&self.whole);
     }
 }
 

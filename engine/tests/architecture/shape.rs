@@ -14,12 +14,12 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
-    ("signal", 5_360, 4_800),
-    ("engine", 19_050, 15_500),
+    ("signal", 5_370, 4_800),
+    ("engine", 19_040, 15_500),
     ("surfaces", 6_700, 6_000),
     ("learning", 13_800, 9_500),
     ("nodes", 14_450, 13_000),
-    ("live", 6_700, 6_000),
+    ("live", 6_600, 6_000),
     ("report", 7_700, 6_000),
     ("studio", 5_400, 3_300),
     ("src", 9_200, 6_300),

@@ -87,7 +87,7 @@ mod tests {
     use haptograph_engine::node::{
         BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
     };
-    use haptograph_engine::run::{FileSinks, Live, LiveOptions, Session};
+    use haptograph_engine::run::{FileSinks, Player, Session, SessionOptions};
     use haptograph_engine::settings::NoSettings;
     use haptograph_signal::quantity::Quantity;
 
@@ -109,18 +109,18 @@ mod tests {
             .unwrap_or_else(|wrong| panic!("{wrong}"))
     }
 
-    fn open(graph: &Graph, seconds: f64) -> (Live, Session) {
-        let options = LiveOptions::default().block(64).seconds(seconds).rested();
+    fn open(graph: &Graph, seconds: f64) -> (Player, Session) {
+        let options = SessionOptions::default().block(64).seconds(seconds).rested();
         Session::open(FileSinks::new(graph), &options).unwrap()
     }
 
-    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback<Live>, Arc<Shared>, Session) {
+    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback<Player>, Arc<Shared>, Session) {
         let (live, session) = open(graph, seconds);
         let (callback, shared) = callback_of(live);
         (callback, shared, session)
     }
 
-    fn callback_of(live: Live) -> (PlaybackCallback<Live>, Arc<Shared>) {
+    fn callback_of(live: Player) -> (PlaybackCallback<Player>, Arc<Shared>) {
         let slot = Detached::of(live);
         let shared = Arc::default();
         let callback = PlaybackCallback::new(&slot, &shared, 48_000, Instant::now());
@@ -291,7 +291,7 @@ mod tests {
     #[test]
     fn a_run_outlives_its_stream() {
         let graph = graph();
-        let (live, _session) = Session::open(FileSinks::new(&graph), &LiveOptions::default()).unwrap();
+        let (live, _session) = Session::open(FileSinks::new(&graph), &SessionOptions::default()).unwrap();
         let slot = Detached::of(live);
         let shared = Arc::default();
         for expected in [10, 20] {

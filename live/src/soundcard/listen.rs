@@ -3,7 +3,7 @@
 use super::BACKEND;
 use super::shared::{Active, Detached, Due, Shared};
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{AgeMeter, AsyncResamplerWriter, Live, async_resampler};
+use haptograph_engine::run::{AgeMeter, AsyncResamplerWriter, Player, async_resampler};
 use haptograph_nodes::soundcard::{Card, CardInput};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -17,9 +17,9 @@ const FULL: f64 = 1.0 - 1.0 / 32_768.0;
 /// The inputs of a live run, each in the driver of its device. Copies in other drivers are unused.
 pub(super) fn inputs_of<'l>(
     graph: &'l Graph,
-    lives: impl IntoIterator<Item = &'l mut Live>,
+    lives: impl IntoIterator<Item = &'l mut Player>,
 ) -> impl Iterator<Item = &'l mut CardInput> {
-    let own = move |(driver, live): (usize, &'l mut Live)| {
+    let own = move |(driver, live): (usize, &'l mut Player)| {
         let devices = graph.devices().iter().zip(live.devices_mut());
         devices
             .filter(move |(known, _)| BACKEND.reaches(known) && graph.clocks()[known.clock].driver == driver)
@@ -112,7 +112,7 @@ mod tests {
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};
     use haptograph_engine::node::{BuildContext, BuildError};
-    use haptograph_engine::run::{FileSinks, LiveOptions, Session};
+    use haptograph_engine::run::{FileSinks, Session, SessionOptions};
     use haptograph_engine::silence::OnSilence;
     use haptograph_nodes::soundcard::{CardFormat, SoundcardAccelerometer, SoundcardAccelerometerSettings};
     use haptograph_signal::time::Rate;
@@ -355,7 +355,7 @@ mod tests {
         let document = Document::parse("g.ron", text).unwrap();
         let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default())
             .unwrap_or_else(|wrong| panic!("{wrong}"));
-        let options = LiveOptions::default();
+        let options = SessionOptions::default();
         let (mut lives, _session) = Session::open_all(FileSinks::new(&graph), &options, None).unwrap();
         let taps = InputTaps(inputs_of(&graph, &mut lives).map(InputTap::of).collect());
         let mut channels: Vec<usize> = taps.0.iter().map(|tap| tap.channel).collect();

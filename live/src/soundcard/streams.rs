@@ -9,13 +9,13 @@ use crate::backend::BackendEvent;
 use cpal::traits::DeviceTrait;
 use cpal::{Error, FromSample, InputCallbackInfo, OutputCallbackInfo, SizedSample, Stream, StreamConfig};
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Driven, Live, RingMeter};
+use haptograph_engine::run::{Driven, Player, RingMeter};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 /// A stream that drives a live run.
-pub struct CardDriver<D: Driven = Live> {
+pub struct CardDriver<D: Driven = Player> {
     stream: ReconnectingStream<D>,
     rested: Option<Instant>,
 }
@@ -105,7 +105,7 @@ impl Inputs {
     /// [`SoundcardError`] if there is no such card, or it does not support the request.
     pub fn open<'l>(
         graph: &'l Graph,
-        lives: impl IntoIterator<Item = &'l mut Live>,
+        lives: impl IntoIterator<Item = &'l mut Player>,
     ) -> Result<Self, SoundcardError> {
         let mut inputs = Self::default();
         let mut requested: Vec<(Request, Vec<String>, Vec<InputTap>)> = Vec::new();

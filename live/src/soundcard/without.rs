@@ -3,14 +3,14 @@
 use super::{CardCounts, Listed, OpenedStream, Request, SoundcardError, card_requests};
 use crate::backend::BackendEvent;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Driven, Live, RingMeter};
+use haptograph_engine::run::{Driven, Player, RingMeter};
 use std::convert::Infallible;
 use std::marker::PhantomData;
 use std::sync::atomic::AtomicBool;
 
 /// Cannot exist in this build.
 #[derive(Debug)]
-pub struct CardDriver<D = Live>(Infallible, PhantomData<D>);
+pub struct CardDriver<D = Player>(Infallible, PhantomData<D>);
 
 /// The soundcards of this machine.
 ///
@@ -87,7 +87,7 @@ impl Inputs {
     /// [`SoundcardError::NotBuilt`] if the graph has one.
     pub fn open<'l>(
         graph: &'l Graph,
-        _: impl IntoIterator<Item = &'l mut Live>,
+        _: impl IntoIterator<Item = &'l mut Player>,
     ) -> Result<Self, SoundcardError> {
         match card_requests(graph)?.inputs.is_empty() {
             true => Ok(Self {}),

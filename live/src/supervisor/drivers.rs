@@ -4,7 +4,7 @@ use crate::backend::{BackendError, Connected, Counts, Role, State};
 use crate::connections::Connections;
 use crate::soundcard::CardCounts;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Histogram, Live};
+use haptograph_engine::run::{Histogram, Player};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,7 +33,7 @@ impl Drivers {
     pub fn start(
         connections: Connections,
         graph: &Graph,
-        lives: Vec<Live>,
+        lives: Vec<Player>,
         stop: &Arc<AtomicBool>,
     ) -> Result<Self, BackendError> {
         let mut drivers = Self { connections, first_end: None, stop: Arc::clone(stop), is_closed: false };
@@ -75,7 +75,7 @@ impl Drivers {
     }
 
     /// Waits for the end of the run. Returns its real-time sides in the order of the graph.
-    pub fn join(&mut self) -> Result<Vec<Live>, BackendError> {
+    pub fn join(&mut self) -> Result<Vec<Player>, BackendError> {
         self.is_closed = true;
         let lives = self.connections.close()?;
         Ok(lives.into_iter().map(|(_, live)| live).collect())

@@ -3,6 +3,7 @@
 use super::inbox::{RequestSender, SendError};
 use haptograph_engine::graph::{LiveSetting, NodeId};
 use haptograph_engine::node::SettingId;
+use haptograph_engine::run::UnknownSetting;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -24,13 +25,8 @@ pub struct SettingHandle {
 #[non_exhaustive]
 pub enum SettingError {
     /// No live setting of the running graph has the name.
-    #[error("no live setting is called `{name}`{help}")]
-    Unknown {
-        /// The name.
-        name: String,
-        /// The existing names, as text.
-        help: String,
-    },
+    #[error(transparent)]
+    Unknown(#[from] UnknownSetting),
     /// The name is a parameter; a new value of it loads the graph again.
     #[error(
         "`{0}` is a parameter of the graph, not a live setting; `Supervisor::set` loads the graph with its new value"

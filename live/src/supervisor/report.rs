@@ -5,7 +5,7 @@ use crate::backend::{Counts, Role};
 use crate::connections::Connections;
 use crate::soundcard::CardCounts;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Histogram, LiveOutcome, MAX_STALLS, Meters};
+use haptograph_engine::run::{Histogram, MAX_STALLS, Meters, SessionOutcome};
 use haptograph_nodes::network::link::Counts as PacketCounts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -284,7 +284,7 @@ impl RunReport {
         &mut self,
         graph: &Graph,
         took_s: f64,
-        ended: &LiveOutcome,
+        ended: &SessionOutcome,
         latencies: &[Measured],
     ) {
         self.live = true;
@@ -365,7 +365,7 @@ pub(super) fn ms(ns: u64) -> f64 {
 const NAMED_STALLS: usize = 5;
 
 /// Warnings about an outcome, whose machine stalled at some times, s.
-pub(super) fn warnings_of(ended: &LiveOutcome, stalled_at_s: &[f64]) -> Vec<String> {
+pub(super) fn warnings_of(ended: &SessionOutcome, stalled_at_s: &[f64]) -> Vec<String> {
     let Meters { overruns, stalls, lost_wakes, .. } = ended.meters;
     let mut list = Vec::new();
     if ended.panicked {

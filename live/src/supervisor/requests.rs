@@ -6,8 +6,8 @@ use super::live_settings::PendingValue;
 use super::loading::{self, Job, SavedOverrides};
 use super::{Event, Origin, Request, Supervisor, network_value};
 use crate::SettingValue;
-use haptograph_engine::run::ControlError;
-use haptograph_engine::settings::closest;
+use haptograph_engine::run::{ControlError, SetError};
+use haptograph_engine::settings::choices;
 
 /// Which events of a change are of interest. A fader is moved a hundred times per second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -212,8 +212,8 @@ impl Supervisor {
         };
         let target = self.requests.settings.target(name);
         let set = match target {
-            Some((node, setting)) => self.session.set(node, setting, number),
-            None => Err(ControlError::NotLive),
+            Some((node, setting)) => self.session.set(node, setting, number).map_err(SetError::from),
+            None => Err(self.session.unknown_setting(name).into()),
         };
         match set {
             Ok(()) => {
@@ -223,31 +223,9 @@ impl Supervisor {
                 true
             }
             Err(error) => {
-                let help = match target {
-                    Some(_) => String::new(),
-                    None => self.live_choices(name),
-                };
-                self.refuse(verbosity, format!("`{name}` was not changed: {error}{help}"));
+                self.refuse(verbosity, format!("`{name}` was not changed: {error}"));
                 false
             }
         }
-    }
-
-    /// Advice about an unknown name of a live setting.
-    pub(super) fn live_choices(&self, name: &str) -> String {
-        let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        choices(name, &names, "the live settings are")
-    }
-}
-
-/// Advice about an unknown name.
-fn choices(name: &str, known: &[&str], are: &str) -> String {
-    const SHOWN: usize = 12;
-    match (closest(name, known.iter().copied()), known.len()) {
-        (Some(near), _) => format!("; did you mean `{near}`?"),
-        (None, 0) => String::new(),
-        (None, 1..=SHOWN) => format!("; {are} {}", known.join(", ")),
-        (None, _) => format!("; {are} {} and {} others", known[..SHOWN].join(", "), known.len() - SHOWN),
     }
 }

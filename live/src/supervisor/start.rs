@@ -14,7 +14,7 @@ use crate::osc::OscControl;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{FileSinks, LiveOptions, Session, WriteError};
+use haptograph_engine::run::{FileSinks, Session, SessionOptions, WriteError};
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -196,7 +196,7 @@ impl ConnectedRun {
         folder: Option<&Path>,
         stop: Arc<AtomicBool>,
     ) -> Result<Supervisor, StartError> {
-        let mut options = LiveOptions::default().block(self.options.block);
+        let mut options = SessionOptions::default().block(self.options.block);
         options.seconds = self.options.seconds;
         options.rested = self.options.rested;
         options.stop = Arc::clone(&stop);

@@ -6,7 +6,7 @@ mod tests;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::FrameWriter;
-use haptograph_engine::run::{FileSinks, InputStatus, Live, LiveOptions, Probe, Session};
+use haptograph_engine::run::{FileSinks, InputStatus, Player, Probe, Session, SessionOptions};
 use haptograph_engine::silence::InputState::{Heard, Never, Silent};
 use haptograph_nodes::network::Remote;
 use haptograph_nodes::network::link::{Link, SENSED};
@@ -27,7 +27,7 @@ fn press(link: &Link, force_n: f64) {
 
 /// A live run in virtual time, with the delivered signal of the sink `out`.
 pub(crate) struct Rig {
-    pub lives: Vec<Live>,
+    pub lives: Vec<Player>,
     session: Session,
     /// The delivered signal of `out`.
     pub signal: Vec<f64>,
@@ -45,7 +45,7 @@ impl FrameWriter for Nowhere {
 }
 
 impl Rig {
-    pub fn new(text: &str, open: impl FnOnce(&Graph, &mut [Live])) -> Self {
+    pub fn new(text: &str, open: impl FnOnce(&Graph, &mut [Player])) -> Self {
         let document = Document::parse("g.ron", text).unwrap();
         let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::default())
             .unwrap_or_else(|wrong| panic!("{wrong}"));
@@ -53,7 +53,7 @@ impl Rig {
         let out = nodes.find("out");
         let mut outlets = FileSinks::new(&graph);
         outlets.probe(Probe { node: out.unwrap(), output: 0, writer: Box::new(Nowhere) });
-        let (mut lives, session) = Session::open_all(outlets, &LiveOptions::default(), None).unwrap();
+        let (mut lives, session) = Session::open_all(outlets, &SessionOptions::default(), None).unwrap();
         open(&graph, &mut lives);
         Self { lives, session, signal: Vec::new() }
     }
@@ -72,7 +72,7 @@ impl Rig {
             for live in &mut self.lives {
                 let frames = (live.run().rate_hz() / 1000.0).round() as usize;
                 let mut done = 0;
-                live.callback(frames, |run, block| {
+                live.process_with(frames, |run, block| {
                     self.signal.extend_from_slice(run.tap(0));
                     done += block;
                 });

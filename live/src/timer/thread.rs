@@ -5,7 +5,7 @@
 //! catch up in a burst would run a force loop through many ticks with the same hand position. A device that was
 //! given zeros meanwhile begins from zero.
 
-use haptograph_engine::run::{Driven, Live, Wake};
+use haptograph_engine::run::{Driven, Player, Wake};
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -40,7 +40,7 @@ pub struct TimerNotes {
 }
 
 /// A thread that drives a live run.
-pub struct TimerThread<D = Live> {
+pub struct TimerThread<D = Player> {
     /// Real-time privileges of the thread.
     pub notes: TimerNotes,
     thread: JoinHandle<D>,

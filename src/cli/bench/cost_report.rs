@@ -97,7 +97,7 @@ impl CostReport {
     pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Timings) -> Self {
         let pairs = turns.measured_s.iter().zip(&turns.plain_s);
         let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
-        let round_s = profile.runner().quantum_s();
+        let round_s = profile.clock().quantum_s();
         let load = median(&turns.plain_s) / round_s;
         let (mut steps, mut drivers) = (Vec::new(), Vec::new());
         for (driver, plan) in plans.iter().enumerate() {

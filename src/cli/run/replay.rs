@@ -2,9 +2,9 @@
 
 use super::super::Failure;
 use super::summary::Summary;
-use super::{Arguments, RunSetup, progress_bar, stop_on_interrupt};
+use super::{Arguments, RunSetup, offline_options, progress_bar, stop_on_interrupt};
 use crate::engine::registry::Registry;
-use crate::engine::run::{ARRIVALS, Offline};
+use crate::engine::run::{ARRIVALS, Session};
 use crate::live::supervisor::replay;
 use crate::signal::files;
 use serde_json::{Value, json};
@@ -37,9 +37,9 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
     let stop = stop_on_interrupt()?;
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
-    let offline = Offline::new(setup.file_sinks, usize::from(arguments.block));
+    let options = offline_options(arguments, 0.0, &stop);
     let run_folder = &mut setup.completion.folder;
-    let outcome = offline.replay((folder, &bounds), &stop, &mut |done_s| {
+    let outcome = Session::replay(setup.file_sinks, (folder, &bounds), &options, &mut |done_s| {
         // A log that is refused leaves nothing.
         run_folder.begin();
         bar.set_position((done_s * 1e3) as u64)

@@ -4,7 +4,8 @@ use super::{Done, Feed, Signal, Wanted, drain, fits, probes, seconds};
 use crate::errors::Failure;
 use crate::work::Progress;
 use haptograph::engine::graph::Graph;
-use haptograph::engine::host::{AnyInput, AnyOutput, Full, PlayOptions, Player};
+use haptograph::engine::host::{AnyInput, AnyOutput, Full};
+use haptograph::engine::run::{Player, SessionOptions};
 
 /// Duration of the parts between which the queues are filled, s; a queue holds one second.
 const PART_S: f64 = 0.25;
@@ -107,14 +108,14 @@ pub fn fed(
     let seconds = lasting(&fed, wanted)?;
     let probes = probes(graph, wanted, false)?;
     fits(&probes, seconds)?;
-    let mut options = PlayOptions::default().rested();
-    options.live.offline = true;
+    let mut options = SessionOptions::default().rested();
+    options.offline = true;
     options.probes = probes.iter().map(|(name, _)| name.clone()).collect();
     options.folder.clone_from(&wanted.folder);
-    let (mut player, session) = Player::open(graph, &options).map_err(Failure::of)?;
+    let (mut player, mut session) = Player::open(graph, &options).map_err(Failure::of)?;
     let mut kept: Vec<(AnyOutput, Signal)> = Vec::new();
     for (name, stream) in &probes {
-        let output = player.any_probe(name).map_err(Failure::of)?;
+        let output = session.any_probe(name).map_err(Failure::of)?;
         kept.push((output, Signal::of(stream, name)));
     }
     let driver = graph.drivers().first().copied().unwrap_or_default();
@@ -127,7 +128,7 @@ pub fn fed(
         kept.iter_mut().for_each(|(output, signal)| drain(output, &mut signal.frames));
         progress.at(player.frames() as f64 / total as f64);
     }
-    let done = player.finish(session);
+    let done = session.finish(player);
     if let Some(failed) = done.failed.first() {
         return Err(Failure::of(failed));
     }

@@ -2,10 +2,9 @@
 
 use super::super::Run;
 use super::super::async_resampler::{AsyncResamplerReader, AsyncResamplerWriter};
-use super::super::control::COMMANDS;
-use super::super::live::FADE_S;
-use super::super::ramp::{ParamRamp, ParamRamps};
-use super::super::runner::Runner;
+use super::super::fade::FADE_S;
+use super::super::player::{Player, PlayerState};
+use super::super::ramp::ParamRamp;
 use super::super::silence::SilenceGate;
 use super::inputs::scripts;
 use super::rows::Lines;
@@ -210,7 +209,6 @@ pub(in super::super) struct Arrivals {
     changes: Changes,
     /// The next change.
     change: Option<ParamRamp>,
-    ramps: ParamRamps,
 }
 
 impl Arrivals {
@@ -227,7 +225,6 @@ impl Arrivals {
             replaced: false,
             change: changes.next()?,
             changes,
-            ramps: ParamRamps::with_room_for(COMMANDS),
         })
     }
 
@@ -236,11 +233,11 @@ impl Arrivals {
     }
 
     /// Runs the next callback, if the frames that it read have arrived and those that it sent fit.
-    fn run_next<E: From<ReplayError>>(
+    fn run_next(
         &mut self,
-        run: &mut Run,
-        mut each: impl FnMut(&Run) -> Result<(), E>,
-    ) -> Result<bool, E> {
+        player: &mut Player,
+        each: &mut impl FnMut(&mut Run, usize),
+    ) -> Result<bool, ReplayError> {
         let Some((&[frames, state], seen)) = self.row.split_first_chunk() else {
             return Ok(false);
         };
@@ -248,6 +245,7 @@ impl Arrivals {
         if self.replaced {
             return Ok(false);
         }
+        let run = player.run_mut();
         if f64::from(state) == RESUMED {
             match (frames as usize).checked_sub(1) {
                 Some(device) => run.restart_device(device, FADE_S),
@@ -268,19 +266,12 @@ impl Arrivals {
         if f64::from(state) == FADING && !std::mem::replace(&mut self.fading, true) {
             run.fade_out(FADE_S);
         }
-        while let Some(change) = self.change.take_if(|change| change.begin <= run.driver_frames()) {
-            self.ramps.start(change, run);
+        while let Some(change) = self.change.take_if(|change| change.begin <= player.frames()) {
+            player.start_ramp(change);
             self.change = self.changes.next()?;
         }
-        let mut left = frames as usize;
-        while left > 0 {
-            let rate_hz = run.rate_hz();
-            let block = left.min(run.plan.block).min(self.ramps.step(run, rate_hz));
-            run.advance(block);
-            run.check_inputs()?;
-            each(run)?;
-            left -= block;
-        }
+        player.run_due(frames as usize, each);
+        player.run_mut().check_inputs()?;
         self.rows.next(&mut self.row)?;
         Ok(true)
     }
@@ -325,56 +316,58 @@ impl Run {
     }
 }
 
-impl Runner {
-    /// Replays the live inputs from a run's folder.
-    pub(in super::super) fn repeat_inputs(
-        &mut self,
-        plans: &[Arc<Plan>],
-        folder: &Path,
-        bounds: &ReplayBounds,
-    ) -> Result<(), ReplayError> {
-        for (driver, (plan, run)) in plans.iter().zip(self.runs_mut()).enumerate() {
-            for (place, script) in scripts(plan, (folder, driver), bounds)? {
-                run.state.devices[place].script = Some(script);
-            }
-            // No input has been heard yet in the replayed run.
-            for place in gated(plan) {
-                run.state.actuators[place].gate = SilenceGate::new(false);
-            }
+/// Lets the players read their live inputs from a run's folder.
+pub(in super::super) fn repeat_inputs(
+    players: &mut [Player],
+    folder: &Path,
+    bounds: &ReplayBounds,
+) -> Result<(), ReplayError> {
+    for (driver, player) in players.iter_mut().enumerate() {
+        let run = player.run_mut();
+        let plan = Arc::clone(&run.plan);
+        for (place, script) in scripts(&plan, (folder, driver), bounds)? {
+            run.state.devices[place].script = Some(script);
         }
-        Ok(())
+        // No input has been heard yet in the replayed run.
+        for place in gated(&plan) {
+            run.state.actuators[place].gate = SilenceGate::new(false);
+        }
     }
+    Ok(())
+}
 
-    /// Replays the callbacks of a live run, those of each driver in order. Calls `each` after every block; stops
-    /// early if `goes_on` returns false.
-    pub(in super::super) fn replay<E: From<ReplayError>>(
-        &mut self,
-        scripts: &mut [Arrivals],
-        goes_on: impl Fn() -> bool,
-        mut each: impl FnMut(usize, &Run) -> Result<(), E>,
-    ) -> Result<(), E> {
-        while goes_on() {
-            let mut moved = false;
-            for (driver, (script, run)) in scripts.iter_mut().zip(self.runs_mut()).enumerate() {
-                // Until the driver has to wait for the others: a ring holds little.
-                while goes_on() && script.run_next(run, |run| each(driver, run))? {
-                    moved = true;
+/// Replays the callbacks of a live run, those of each driver in order. Calls `each` after every block; stops early if it
+/// or `goes_on` returns false, or if a node panics.
+pub(in super::super) fn replay(
+    players: &mut [Player],
+    scripts: &mut [Arrivals],
+    goes_on: impl Fn() -> bool,
+    mut each: impl FnMut(usize, &Run) -> bool,
+) -> Result<(), ReplayError> {
+    let mut is_written = true;
+    loop {
+        let mut moved = false;
+        for (driver, (script, player)) in scripts.iter_mut().zip(&mut *players).enumerate() {
+            // Until the driver has to wait for the others: a ring holds little.
+            loop {
+                let panicked = player.state() == PlayerState::Panicked;
+                if panicked || !is_written || !goes_on() {
+                    return Ok(());
                 }
-            }
-            if scripts.iter().all(Arrivals::is_over) {
-                return Ok(());
-            }
-            if !moved && scripts.iter().any(|script| script.replaced) {
-                // The other drivers read frames of the next graph.
-                return Ok(());
-            }
-            if let (false, true, Some(stuck)) =
-                (moved, goes_on(), scripts.iter().find(|script| !script.is_over()))
-            {
-                let (path, line) = stuck.rows.lines.place();
-                return Err(ReplayError::Contradiction { path, line }.into());
+                if !script.run_next(player, &mut |run, _| is_written &= each(driver, run))? {
+                    break;
+                }
+                moved = true;
             }
         }
-        Ok(())
+        // When another graph took over, the other drivers read frames of the next graph.
+        let is_over = !moved && scripts.iter().any(|script| script.replaced);
+        if is_over || scripts.iter().all(Arrivals::is_over) {
+            return Ok(());
+        }
+        if let (false, Some(stuck)) = (moved, scripts.iter().find(|script| !script.is_over())) {
+            let (path, line) = stuck.rows.lines.place();
+            return Err(ReplayError::Contradiction { path, line });
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::super::RingMeter;
 use super::super::control::{Control, ControlError, Prepared};
 use super::super::file_sinks::{FileSinks, WriteError};
-use super::super::runner::reconnect;
+use super::super::ring_edges::reconnect;
 use super::super::swap::{Change, PlanSwap};
 use super::{Entry, Session, tap_rings};
 use crate::node::{OfflineOnly, Stream};
@@ -109,7 +109,7 @@ impl Session {
         graph: impl Into<Planner<'g>>,
         folder: &Path,
     ) -> Result<Changed, ChangeError> {
-        self.change_with(graph.into(), Some(folder), None).map(|(changed, _)| changed)
+        self.change_with(graph.into(), Some(folder), None)
     }
 
     /// As [`change`](Self::change), of a run without files.
@@ -120,17 +120,16 @@ impl Session {
         &mut self,
         graph: impl Into<Planner<'g>>,
     ) -> Result<Changed, ChangeError> {
-        self.change_with(graph.into(), None, None).map(|(changed, _)| changed)
+        self.change_with(graph.into(), None, None)
     }
 
-    /// As [`change`](Self::change). If `probes` are given, the caller reads those outputs from now on.
-    /// Returns the streams of new probes in the order of their rings.
+    /// As [`change`](Self::change). If `probes` are given, with their names, the caller reads those outputs from now on.
     pub(crate) fn change_with(
         &mut self,
         planner: Planner<'_>,
         folder: Option<&Path>,
-        probes: Option<&[Port]>,
-    ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
+        probes: Option<&[(&str, Port)]>,
+    ) -> Result<Changed, ChangeError> {
         planner.refuse_scripts()?;
         let mut sinks = FileSinks::new(planner);
         let kept_streams = self.keep_streams(&mut sinks, probes);
@@ -138,10 +137,10 @@ impl Session {
             Some(folder) => self.open_new(&mut sinks, &kept_streams.ended, folder).map_err(ChangeError::from),
             None => Ok(Vec::new()),
         };
-        let more = probes.unwrap_or_default().iter().copied();
-        let more: Vec<Port> = more.filter(|port| !kept_streams.probed.contains(port)).collect();
-        let begun_probes: Vec<(Port, Stream)> =
-            more.into_iter().map(|port| (port, sinks.hand_over(port.0, port.1))).collect();
+        let probed = probes.unwrap_or_default().iter();
+        for (name, port) in probed.filter(|(_, port)| !kept_streams.probed.contains(port)) {
+            sinks.hand_over(name, *port);
+        }
         let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&sinks, &kept_streams.kept)?)));
         let (left_out, ready) = match ready {
             Ok(ready) => ready,
@@ -166,12 +165,11 @@ impl Session {
             entry.running = false;
             ended.extend((!entry.is_handed).then(|| entry.what.clone()));
         }
-        let changed = Changed { change, begun, ended, left_out };
-        Ok((changed, begun_probes))
+        Ok(Changed { change, begun, ended, left_out })
     }
 
     /// Taps the streams that continue in a new graph. If `probes` are given, only those probes continue.
-    fn keep_streams(&self, sinks: &mut FileSinks<'_>, probes: Option<&[Port]>) -> KeptStreams {
+    fn keep_streams(&self, sinks: &mut FileSinks<'_>, probes: Option<&[(&str, Port)]>) -> KeptStreams {
         let mut kept_streams = KeptStreams::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
@@ -182,7 +180,8 @@ impl Session {
                 };
                 ports.iter().enumerate().all(stays)
             });
-            let is_read = |port: &Port| probes.is_none_or(|probes| probes.contains(port));
+            let is_read =
+                |port: &Port| probes.is_none_or(|probes| probes.iter().any(|(_, probe)| probe == port));
             let ports = ports.filter(|ports| !entry.is_handed || ports.iter().all(is_read));
             let Some(ports) = ports else {
                 kept_streams.ended.push(number);
@@ -243,7 +242,7 @@ impl Session {
             let own = kept
                 .iter()
                 .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
-            let rings = tap_rings(&plan, own.collect(), &mut outs);
+            let rings = tap_rings(&plan, self.writer.ring_s(), own.collect(), &mut outs);
             self.check_devices(control, &plan)?;
             plan.keep_inputs(control.plan());
             let mut prepared = control.prepare(Arc::new(plan), rings)?;

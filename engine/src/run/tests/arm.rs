@@ -6,7 +6,7 @@ use crate::device::DeviceEntry;
 use crate::graph::{Graph, Work};
 use crate::node::Limit;
 use crate::run::{
-    ARM_FALL_S, ARM_HOLD_S, ARM_RISE_S, ArmSwitch, Change, FADE_S, FileSinks, Live, LiveOptions, Session,
+    ARM_FALL_S, ARM_HOLD_S, ARM_RISE_S, ArmSwitch, Change, FADE_S, FileSinks, Player, Session, SessionOptions,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ fn graph_of(edit: u64, coil: &Coil, real: bool, slew_per_s: Option<f64>) -> Grap
 struct Rig {
     coil: Coil,
     switch: Arc<ArmSwitch>,
-    live: Live,
+    live: Player,
     session: Session,
 }
 
@@ -43,7 +43,8 @@ impl Rig {
     fn new(real: bool, slew_per_s: Option<f64>) -> Self {
         let (coil, switch) = (Coil::default(), Arc::new(ArmSwitch::default()));
         let graph = graph(&coil, real, slew_per_s);
-        let options = LiveOptions { rested: true, arm: Some(Arc::clone(&switch)), ..LiveOptions::default() };
+        let options =
+            SessionOptions { rested: true, arm: Some(Arc::clone(&switch)), ..SessionOptions::default() };
         let (live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
         Self { coil, switch, live, session }
     }
@@ -55,7 +56,7 @@ impl Rig {
             if is_held {
                 self.switch.hold();
             }
-            self.live.callback(1, |_, _| {});
+            self.live.process(1);
             self.coil.given()
         };
         (0..ticks).map(tick).collect()
@@ -138,7 +139,7 @@ fn a_panic_while_it_is_armed_ends_at_zero() {
     let mut rig = Rig::new(true, None);
     rig.switch.arm(1.0);
     rig.given(ARM_RISE_S + 0.01, true);
-    rig.live.callback(1, |_, _| std::panic::resume_unwind(Box::new("as asked")));
+    rig.live.process_with(1, |_, _| std::panic::resume_unwind(Box::new("as asked")));
     let given = rig.given(0.1, true);
     assert!(given.ends_with(&[0.0]) && steepest(&given) < 0.06, "{given:?}");
 }
@@ -159,7 +160,7 @@ fn an_edit_goes_on_with_the_gate_of_a_device_and_begins_that_of_a_new_one_at_zer
         let given: Vec<f64> = (0..50)
             .map(|_| {
                 rig.switch.hold();
-                rig.live.callback(1, |_, _| {});
+                rig.live.process(1);
                 if same { rig.coil.given() } else { other.given() }
             })
             .collect();
@@ -202,11 +203,11 @@ fn hardware_that_was_given_zeros_rises_from_zero_where_nothing_is_armed_too() {
     for real in [true, false] {
         let coil = Coil::default();
         let graph = graph(&coil, real, None);
-        let options = LiveOptions { rested: true, ..LiveOptions::default() };
+        let options = SessionOptions { rested: true, ..SessionOptions::default() };
         let (mut live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
-        let given = |live: &mut Live| -> Vec<f64> {
+        let given = |live: &mut Player| -> Vec<f64> {
             let tick = |_| {
-                live.callback(1, |_, _| {});
+                live.process(1);
                 coil.given()
             };
             (0..50).map(tick).collect()

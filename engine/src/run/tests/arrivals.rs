@@ -1,16 +1,15 @@
 //! Live runs, mostly of several drivers, their callbacks at scripted moments, and their replays.
 
-use super::runner::{all_bits, graphs, listening};
+use super::virtual_clock::{all_bits, graphs, listening};
 use super::world::{random_graph, random_graph_with_drivers};
 use crate::graph::fingerprint::VERSION;
 use crate::graph::{Bridge, Graph, Work};
 use crate::node::SettingId;
-use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayBounds, ReplayError, Session};
+use crate::run::{Change, OfflineError, PlayerState, ReplayBounds, ReplayError, Session, SessionOptions};
 use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 /// A folder of its own that is gone afterwards.
 struct Folder(PathBuf);
@@ -44,14 +43,14 @@ fn settable(mut graph: Graph) -> Graph {
 /// over.
 fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let (file_sinks, heard) = listening(graph);
-    let options = LiveOptions { block: 32, rested: true, ..LiveOptions::default() };
+    let options = SessionOptions { block: 32, rested: true, ..SessionOptions::default() };
     let (mut lives, mut session) = Session::open_all(file_sinks, &options, Some(folder)).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let rates: Vec<f64> = lives.iter().map(|live| live.run().rate_hz()).collect();
     let mut wakes = 0;
     let mut done = vec![0_u64; lives.len()];
     let settings: Vec<String> = session.settings().map(|live| live.name()).collect();
-    while lives.iter().any(|live| live.state() == LiveState::Running) {
+    while lives.iter().any(|live| live.state() == PlayerState::Running) {
         wakes += 1;
         // Less than what is on its way to the writing thread may last, however slow that is.
         assert!(wakes < 1000, "it does not stop");
@@ -74,7 +73,7 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
                 live.resume();
             }
             let due = (now_s * rates[driver]) as u64;
-            live.callback((due - done[driver]) as usize, |_, _| {});
+            live.process((due - done[driver]) as usize);
             done[driver] = due;
         }
     }
@@ -87,9 +86,10 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
 
 fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<Vec<Vec<u64>>, OfflineError> {
     let (file_sinks, heard) = listening(graph);
-    Offline::new(file_sinks, block).replay(
+    Session::replay(
+        file_sinks,
         (folder, &ReplayBounds::default()),
-        &AtomicBool::new(false),
+        &SessionOptions::default().block(block),
         &mut |_| {},
     )?;
     Ok(all_bits(&heard))
@@ -143,7 +143,7 @@ fn a_replay_ends_where_another_graph_took_over() {
         let folder = Folder::new(&format!("ends-{}-{seed}", graph.drivers().len()));
         let (file_sinks, heard) = listening(&graph);
         let (mut lives, mut session) =
-            Session::open_all(file_sinks, &LiveOptions::default(), Some(&folder.0)).unwrap();
+            Session::open_all(file_sinks, &SessionOptions::default(), Some(&folder.0)).unwrap();
         let setting = session.settings().next().unwrap().name();
         for wake in 0..20 {
             session.set_by_name(&setting, 0.04 * f64::from(wake)).unwrap();
@@ -153,7 +153,7 @@ fn a_replay_ends_where_another_graph_took_over() {
             }
             for live in &mut lives {
                 let due = f64::from(wake + 1) * 0.037 * live.run().rate_hz();
-                live.callback((due as u64 - live.frames()) as usize, |_, _| {});
+                live.process((due as u64 - live.frames()) as usize);
             }
         }
         session.finish_all(lives);
@@ -207,7 +207,7 @@ fn a_replay_says_what_it_cannot_repeat() {
 fn refused_at(graph: &Graph, folder: &Path, bounds: &ReplayBounds) -> Option<usize> {
     let (file_sinks, _) = listening(graph);
     let replayed =
-        Offline::new(file_sinks, 64).replay((folder, bounds), &AtomicBool::new(false), &mut |_| {});
+        Session::replay(file_sinks, (folder, bounds), &SessionOptions::default().block(64), &mut |_| {});
     match replayed.err()? {
         OfflineError::Replay(ReplayError::Implausible { line, .. } | ReplayError::Line { line, .. }) => {
             Some(line)

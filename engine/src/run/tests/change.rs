@@ -1,18 +1,18 @@
 //! One graph of several drivers in the place of another, in virtual time.
 
 use super::Heard;
-use super::runner::{bits, graphs, listening};
+use super::virtual_clock::{bits, graphs, listening};
 use super::world::{as_leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
 use crate::graph::NodeId;
 use crate::graph::{Graph, id_of};
 use crate::node::SettingId;
-use crate::run::{Change, ChangeError, ControlError, Live, LiveOptions, RingReport, Session};
+use crate::run::{Change, ChangeError, ControlError, Player, RingReport, Session, SessionOptions};
 use std::path::Path;
 
 /// A session whose drivers wake once a millisecond.
 struct Driven<'a> {
     graph: &'a Graph,
-    lives: Vec<Live>,
+    lives: Vec<Player>,
     session: Session,
     heard: Vec<Heard>,
     wakes: u64,
@@ -21,7 +21,7 @@ struct Driven<'a> {
 impl<'a> Driven<'a> {
     fn new(graph: &'a Graph) -> Self {
         let (file_sinks, heard) = listening(graph);
-        let (lives, session) = Session::open_all(file_sinks, &LiveOptions::default(), None).unwrap();
+        let (lives, session) = Session::open_all(file_sinks, &SessionOptions::default(), None).unwrap();
         Self { graph, lives, session, heard, wakes: 0 }
     }
 
@@ -30,7 +30,7 @@ impl<'a> Driven<'a> {
             self.wakes += 1;
             for live in &mut self.lives {
                 let due = (self.wakes as f64 * 1e-3 * live.run().rate_hz()) as u64;
-                live.callback((due - live.frames()) as usize, |_, _| {});
+                live.process((due - live.frames()) as usize);
             }
         }
         self.session.poll();

@@ -7,7 +7,7 @@ use super::world::{TestDrive, process, with_drives};
 use crate::device::DeviceEntry;
 use crate::graph::Graph;
 use crate::node::Limit;
-use crate::run::{ChangeError, FileSinks, Live, LiveOptions, Session};
+use crate::run::{ChangeError, FileSinks, Player, Session, SessionOptions};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -141,7 +141,7 @@ impl Judge {
         graph
     }
 
-    fn watch(&mut self, lives: &[Live], seen: &mut Seen) {
+    fn watch(&mut self, lives: &[Player], seen: &mut Seen) {
         self.tick += 1;
         for coil in 0..2 {
             let drives = lives.iter().enumerate().filter_map(|(driver, live)| {
@@ -189,7 +189,7 @@ impl Judge {
 
 /// A run that is edited and watched.
 struct Bout {
-    lives: Vec<Live>,
+    lives: Vec<Player>,
     session: Session,
     judge: Judge,
     wiring: Wiring,
@@ -207,7 +207,7 @@ impl Bout {
             tick: 0,
         };
         let first = judge.graph(&wiring);
-        let opened = Session::open_all(FileSinks::new(&first), &LiveOptions::default(), None);
+        let opened = Session::open_all(FileSinks::new(&first), &SessionOptions::default(), None);
         let (lives, session) = opened.unwrap();
         Self { lives, session, judge, wiring }
     }
@@ -215,9 +215,9 @@ impl Bout {
     /// Ticks of the faster driver.
     fn run(&mut self, ticks: usize, seen: &mut Seen) {
         for _ in 0..ticks {
-            self.lives[1].callback(1, |_, _| {});
+            self.lives[1].process(1);
             if self.judge.tick.is_multiple_of(2) {
-                self.lives[0].callback(1, |_, _| {});
+                self.lives[0].process(1);
             }
             self.judge.watch(&self.lives, seen);
         }

@@ -1,11 +1,11 @@
 //! What actuators are given while limits, sinks and devices change, against the definition of the limit in force.
 
-use super::live::plan;
+use super::player::plan;
 use super::world::{Nothing, with_processor};
 use crate::device::{Device, DeviceEntry, DeviceKind, DeviceSpec};
 use crate::graph::{Graph, Work};
 use crate::node::{BuildContext, BuildError, Io, Limit, Processor, Tick};
-use crate::run::{Change, FileSinks, Live, LiveOptions, Offline, ReplayBounds, Session, live};
+use crate::run::{Change, FileSinks, Player, ReplayBounds, Session, SessionOptions, player};
 use crate::settings::NoSettings;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -85,7 +85,7 @@ struct Judge {
 
 impl Judge {
     /// A tick is done, in which this limit held for this coil.
-    fn watch(&mut self, live: &Live, limits: &[Limit], tick: usize) {
+    fn watch(&mut self, live: &Player, limits: &[Limit], tick: usize) {
         let running = &live.run().plan;
         for (number, coil) in self.coils.iter().enumerate() {
             let drives = running.devices.iter().any(|device| device.key.fingerprint == number as u64);
@@ -130,7 +130,7 @@ fn no_sequence_of_edits_lets_an_actuator_become_hotter_than_the_limit_in_force()
         let mut limit = any_limit(&mut random, &windows_s);
         let mut limits = vec![limit];
         let (mut coil, mut names) = (0, (0, 0));
-        let (mut live, mut control) = live(plan(&driving(&coils, coil, names, limit, 1.0), 8));
+        let (mut live, mut control) = player(plan(&driving(&coils, coil, names, limit, 1.0), 8));
         let mut judge = Judge {
             means: vec![vec![0.0; windows_s.len()]; coils.len()],
             coils: coils.clone(),
@@ -141,7 +141,7 @@ fn no_sequence_of_edits_lets_an_actuator_become_hotter_than_the_limit_in_force()
         let mut tick = 0;
         for _ in 0..40 {
             for _ in 0..random.random_range(15..700) {
-                live.callback(1, |_, _| {});
+                live.process(1);
                 judge.watch(&live, &limits, tick);
                 tick += 1;
             }
@@ -194,12 +194,12 @@ fn largest_given(real: bool, rested: bool) -> (f64, Vec<String>) {
     if real {
         graph.devices[0].entry = DeviceEntry::of::<RealCoil>();
     }
-    let options = LiveOptions { rested, ..LiveOptions::default() };
+    let options = SessionOptions { rested, ..SessionOptions::default() };
     let (mut live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
     let unrested = live.run().unrested().map(str::to_owned).collect();
     let mut largest = 0.0_f64;
     for _ in 0..500 {
-        live.callback(1, |_, _| {});
+        live.process(1);
         largest = largest.max(coils[0].given());
     }
     session.finish(live);
@@ -225,16 +225,15 @@ fn a_replay_begins_as_warm_as_its_run_did() {
     for rested in [false, true] {
         let folder = std::env::temp_dir().join(format!("haptograph-heat-{}-{rested}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
-        let options = LiveOptions { rested, ..LiveOptions::default() };
+        let options = SessionOptions { rested, ..SessionOptions::default() };
         let (mut lives, session) =
             Session::open_all(FileSinks::new(&graph), &options, Some(&folder)).unwrap();
-        lives[0].callback(20, |_, _| {});
+        lives[0].process(20);
         let given = coils[0].given();
         session.finish_all(lives);
         coils[0].clone().write(0, &[0.0]);
-        let stop = AtomicBool::new(false);
-        let replay = Offline::new(FileSinks::new(&graph), 64);
-        replay.replay((&folder, &ReplayBounds::default()), &stop, &mut |_| {}).unwrap();
+        let (sinks, log) = (FileSinks::new(&graph), (&*folder, &ReplayBounds::default()));
+        Session::replay(sinks, log, &SessionOptions::default().block(64), &mut |_| {}).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(coils[0].given(), given);
         assert_eq!(given > 0.25, rested);

@@ -1,13 +1,15 @@
 //! One graph in the place of another, under virtual time.
 
-use super::live::{Trouble, hear, panic_quietly, plan, sink};
 use super::naive;
+use super::player::{Trouble, hear, panic_quietly, plan, sink};
 use super::world::{LIMIT, Nothing, as_leaky, random_graph, with_delays, with_processor};
 use crate::graph::{Bridge, Graph, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::Plan;
 use crate::run::actuator::AnyLimiter;
-use crate::run::{Change, Control, ControlError, FADE_S, Live, LiveState, NoCrossFade, Run, Wake, live};
+use crate::run::{
+    Change, Control, ControlError, FADE_S, NoCrossFade, Player, PlayerState, Run, Wake, player,
+};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 
@@ -18,12 +20,12 @@ fn a_swap_to_the_same_graph_changes_no_bit() {
         let taps = graph.nodes.node_count();
         let mut all = [vec![Vec::new(); taps], vec![Vec::new(); taps]];
         for (swapping, heard) in all.iter_mut().enumerate() {
-            let (mut live, mut control) = live(plan(&graph, 16));
+            let (mut live, mut control) = player(plan(&graph, 16));
             for block in 0..100 {
                 if swapping == 1 && block % 7 == 3 {
                     control.swap(plan(&graph, 16)).unwrap();
                 }
-                live.callback(11, |run, _| hear(run, taps, heard));
+                live.process_with(11, |run, _| hear(run, taps, heard));
                 control.poll();
             }
             assert_eq!(control.freed(), if swapping == 1 { 14 } else { 0 });
@@ -39,10 +41,10 @@ fn a_swap_to_the_same_graph_changes_no_bit() {
 fn swapped(old: &Graph, new: &Graph, at: usize, frames: usize) -> (Change, Vec<Vec<f64>>) {
     let taps = new.nodes.node_count();
     let mut heard = vec![Vec::new(); taps];
-    let (mut live, mut control) = live(plan(old, 8));
-    live.callback(at, |run, _| hear(run, taps, &mut heard));
+    let (mut live, mut control) = player(plan(old, 8));
+    live.process_with(at, |run, _| hear(run, taps, &mut heard));
     let change = control.swap(plan(new, 8)).unwrap();
-    live.callback(frames - at, |run, _| hear(run, taps, &mut heard));
+    live.process_with(frames - at, |run, _| hear(run, taps, &mut heard));
     assert_eq!(live.run().driver_frames(), frames as u64, "no tick is missed");
     (change, heard)
 }
@@ -114,8 +116,8 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
         // These have nothing but the driver's clock in common.
         let (old, mut new) = (random_graph(seed, seed), random_graph(seed + 500, 0));
         new.nodes.node_weights_mut().for_each(|node| node.path.insert_str(0, "new "));
-        let (mut live, mut control) = live(plan(&old, 8));
-        live.callback(100, |_, _| {});
+        let (mut live, mut control) = player(plan(&old, 8));
+        live.process(100);
         if control.swap(plan(&new, 8)) != Ok(Change::FadeThroughZero(NoCrossFade::Actuators)) {
             continue;
         }
@@ -124,7 +126,7 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
         let begin = 116;
         let taps = new.nodes.node_count();
         let mut heard = [vec![Vec::new(); taps], vec![Vec::new(); taps]];
-        live.callback(400, |run, _| {
+        live.process_with(400, |run, _| {
             if run.driver_frames() > begin {
                 hear(run, taps, &mut heard[0]);
             }
@@ -155,11 +157,11 @@ const PANIC: Trouble = Trouble { from: 25, value: 0.0, panics: true };
 
 /// What the body is given, frame by frame, where one graph fades into another after 20 ms; at frame `at` something is
 /// done. The gain is a tenth.
-fn faded(old: Trouble, new: Trouble, at: usize, and: impl Fn(&mut Control)) -> (Live, Vec<f64>) {
+fn faded(old: Trouble, new: Trouble, at: usize, and: impl Fn(&mut Control)) -> (Player, Vec<f64>) {
     let (before, _, sink) = with_processor(old);
     let (mut after, node, _) = with_processor(new);
     after.nodes[node].fingerprint += 1;
-    let (mut live, mut control) = live(plan(&before, 8));
+    let (mut live, mut control) = player(plan(&before, 8));
     let mut given = Vec::new();
     for frame in 0..100 {
         if frame == 20 {
@@ -168,7 +170,7 @@ fn faded(old: Trouble, new: Trouble, at: usize, and: impl Fn(&mut Control)) -> (
         if frame == at {
             and(&mut control);
         }
-        live.callback(1, |run, _| given.extend_from_slice(run.tap(sink.index())));
+        live.process_with(1, |run, _| given.extend_from_slice(run.tap(sink.index())));
     }
     (live, given)
 }
@@ -194,7 +196,7 @@ fn from_what_is_no_number_the_new_graph_rises_from_zero() {
 #[test]
 fn a_stop_in_the_middle_of_a_cross_fade_is_a_stop() {
     let (live, given) = faded(constant(100.0), constant(90.0), 25, |control| control.stop());
-    assert_eq!((live.state(), given.len()), (LiveState::Stopped, 36));
+    assert_eq!((live.state(), given.len()), (PlayerState::Stopped, 36));
     assert!(given.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= 1.1), "{given:?}");
     assert_eq!(given[35], 0.0);
 }
@@ -203,7 +205,7 @@ fn a_stop_in_the_middle_of_a_cross_fade_is_a_stop() {
 fn a_panic_of_either_graph_in_a_cross_fade_takes_the_actuators_to_zero() {
     for (old, new) in [(PANIC, constant(100.0)), (constant(100.0), PANIC)] {
         let (live, given) = faded(old, new, 0, |_| {});
-        assert_eq!((live.state(), given.len()), (LiveState::Panicked, 25));
+        assert_eq!((live.state(), given.len()), (PlayerState::Panicked, 25));
         assert!(live.is_idle());
     }
 }
@@ -211,7 +213,7 @@ fn a_panic_of_either_graph_in_a_cross_fade_takes_the_actuators_to_zero() {
 #[test]
 fn swaps_in_a_row_wait_for_each_other() {
     let (graph, _, sink) = with_processor(constant(100.0));
-    let (mut live, mut control) = live(plan(&graph, 8));
+    let (mut live, mut control) = player(plan(&graph, 8));
     for swap in 1..=6 {
         let (mut next, node, _) = with_processor(constant(100.0 - 10.0 * f64::from(swap)));
         next.nodes[node].fingerprint += swap as u64;
@@ -219,7 +221,7 @@ fn swaps_in_a_row_wait_for_each_other() {
     }
     let mut given = Vec::new();
     for _ in 0..100 {
-        live.callback(1, |run, _| given.extend_from_slice(run.tap(sink.index())));
+        live.process_with(1, |run, _| given.extend_from_slice(run.tap(sink.index())));
     }
     for (frame, given) in given.iter().enumerate() {
         let expected = 10.0 - (frame as f64 / 10.0).min(6.0);
@@ -303,7 +305,7 @@ fn assert_no_step(given: &[f64]) {
 #[test]
 fn a_fall_begins_where_a_rise_has_come_to() {
     for again in 20..60 {
-        let (mut live, mut control) = live(limited(50.0).0);
+        let (mut live, mut control) = player(limited(50.0).0);
         let mut given = Vec::new();
         for frame in 0..120 {
             for (at, peak) in [(20, 40.0), (again, 45.0)] {
@@ -314,7 +316,7 @@ fn a_fall_begins_where_a_rise_has_come_to() {
                     );
                 }
             }
-            live.callback(1, |run, _| given.extend_from_slice(run.tap(limited(50.0).1.index())));
+            live.process_with(1, |run, _| given.extend_from_slice(run.tap(limited(50.0).1.index())));
         }
         assert_no_step(&given);
         assert!(given.contains(&0.0) && given[119] == 10.0, "{given:?}");
@@ -325,7 +327,7 @@ fn a_fall_begins_where_a_rise_has_come_to() {
 fn after_a_pause_of_the_driver_nothing_begins_at_once() {
     // The change was asked for before the pause, in it, or is under way.
     for asked in [0, 16, 20] {
-        let (mut live, mut control) = live(limited(50.0).0);
+        let (mut live, mut control) = player(limited(50.0).0);
         let mut given = Vec::new();
         for frame in 0..80 {
             if frame == asked {
@@ -336,7 +338,7 @@ fn after_a_pause_of_the_driver_nothing_begins_at_once() {
                 given.clear();
                 given.push(0.0);
             }
-            live.callback(1, |run, _| given.extend_from_slice(run.tap(limited(50.0).1.index())));
+            live.process_with(1, |run, _| given.extend_from_slice(run.tap(limited(50.0).1.index())));
         }
         assert_no_step(&given);
         assert_eq!(given.last(), Some(&10.0));
@@ -351,7 +353,7 @@ fn where_there_is_no_time_for_both_one_waits_for_the_other() {
     for (work_ns, wanted) in
         [(50_000, Change::CrossFade), (100_000, Change::FadeThroughZero(NoCrossFade::Load))]
     {
-        let (mut live, mut control) = live(plan(&old, 8));
+        let (mut live, mut control) = player(plan(&old, 8));
         live.report(Wake { work_ns, frames: 1, ..Wake::default() });
         control.poll();
         assert_eq!(control.swap(plan(&new, 8)), Ok(wanted));
@@ -383,21 +385,21 @@ fn a_long_delay_changes_places_and_is_not_copied() {
     // The longest that is copied, and one more.
     for (frames, moves) in [(65_536, false), (65_537, true)] {
         let ((old, sink), (new, _)) = (delayed(frames, 0), delayed(frames, 1));
-        let (mut live, mut control) = live(plan(&old, 1024));
-        live.callback(500, |_, _| {});
-        let ring = |live: &Live| live.run().state.delays[0].ring.as_ptr();
+        let (mut live, mut control) = player(plan(&old, 1024));
+        live.process(500);
+        let ring = |live: &Player| live.run().state.delays[0].ring.as_ptr();
         let before = ring(&live);
         let expected = match moves {
             true => Change::FadeThroughZero(NoCrossFade::Delays),
             false => Change::CrossFade,
         };
         assert_eq!(control.swap(plan(&new, 1024)), Ok(expected));
-        live.callback(100, |_, _| {});
+        live.process(100);
         assert_eq!(ring(&live) == before, moves);
         // What the old graph wrote comes out of the new one.
-        live.callback(frames as usize - 500, |_, _| {});
+        live.process(frames as usize - 500);
         let mut given = Vec::new();
-        live.callback(200, |run, _| given.extend_from_slice(run.tap(sink.index())));
+        live.process_with(200, |run, _| given.extend_from_slice(run.tap(sink.index())));
         assert_eq!(given.len(), 200);
         for (frame, given) in given.iter().enumerate() {
             let expected = 0.1 * 1e-3 * (100 + frame) as f64;
@@ -409,13 +411,13 @@ fn a_long_delay_changes_places_and_is_not_copied() {
 #[test]
 fn of_several_delays_that_go_on_as_one_each_has_what_it_held() {
     let (old, new) = (with_delays(Counts, 1, 70_000), with_delays(Counts, 3, 70_000));
-    let (mut live, mut control) = live(plan(&old, 1024));
-    live.callback(500, |_, _| {});
+    let (mut live, mut control) = player(plan(&old, 1024));
+    live.process(500);
     let address = live.run().state.delays[0].ring.as_ptr();
     let held = live.run().state.delays[0].ring.clone();
     control.swap(plan(&new, 1024)).unwrap();
     while live.run().plan.delays.len() == 1 {
-        live.callback(1, |_, _| {});
+        live.process(1);
     }
     let delays = &live.run().state.delays;
     assert_eq!(delays.iter().filter(|delay| delay.ring.as_ptr() == address).count(), 1);
@@ -432,11 +434,11 @@ fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
     let at = sink(&new).unwrap();
     new.nodes[at].path = String::from("renamed");
     new.nodes[at].fingerprint += 1;
-    let (mut live, mut control) = live(plan(&old, 8));
-    live.callback(500, |_, _| {});
+    let (mut live, mut control) = player(plan(&old, 8));
+    live.process(500);
     let warm = live.run().state.actuators[0].limiter.counts().ticks;
     control.swap(plan(&new, 8)).unwrap();
-    live.callback(500, |_, _| {});
+    live.process(500);
     assert_eq!(live.run().plan.actuators[0].path, "renamed");
     let limiter = &live.run().state.actuators[0].limiter;
     assert!(limiter.counts().ticks > warm);
@@ -447,7 +449,7 @@ fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
     other.devices[0].name = String::from("another");
     control.swap(plan(&other, 8)).unwrap();
     while live.run().plan.actuators[0].path != "renamed again" {
-        live.callback(1, |_, _| {});
+        live.process(1);
     }
     let AnyLimiter::One(limiter) = &live.run().state.actuators[0].limiter else {
         panic!("a scalar sink");
@@ -458,13 +460,13 @@ fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
 #[test]
 fn a_thousand_swaps_come_home_and_leave_nothing() {
     let graphs = [random_graph(1, 1), random_graph(2, 2)];
-    let (mut live, mut control) = live(plan(&graphs[0], 32));
+    let (mut live, mut control) = player(plan(&graphs[0], 32));
     for swap in 0..1000 {
         control.swap(plan(&graphs[(swap + 1) % 2], 32)).unwrap();
-        live.callback(64, |_, _| {});
+        live.process(64);
         control.poll();
     }
-    live.callback(64, |_, _| {});
+    live.process(64);
     control.poll();
     assert_eq!((control.freed(), live.unreported()), (1000, 0));
 }
@@ -472,12 +474,14 @@ fn a_thousand_swaps_come_home_and_leave_nothing() {
 #[test]
 fn a_swap_that_is_refused_changes_nothing() {
     let (graph, _, _) = with_processor(Clinging);
-    let (mut live, mut control) = live(plan(&graph, 8));
-    while control.set_by_name("n37.gain", 0.2).is_ok() {}
+    let (mut live, mut control) = player(plan(&graph, 8));
+    let gain = control.settings().iter().find(|live| live.name() == "n37.gain").unwrap();
+    let (node, setting) = (gain.node, gain.setting);
+    while control.set(node, setting, 0.2).is_ok() {}
     let running = Arc::clone(control.plan());
     assert_eq!(control.swap(plan(&graph, 8)), Err(ControlError::Full));
     assert!(Arc::ptr_eq(&running, control.plan()));
-    live.callback(8, |_, _| {});
+    live.process(8);
     control.poll();
     assert_eq!(control.freed(), 0);
     assert_eq!(control.swap(plan(&graph, 8)), Ok(Change::Settings(1)));
@@ -488,12 +492,12 @@ fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
     let (old, _, _) = with_processor(Clinging);
     let (mut new, node, _) = with_processor(Clinging);
     new.nodes[node].fingerprint += 1;
-    let (mut live, mut control) = live(plan(&old, 8));
-    live.callback(80, |_, _| {});
+    let (mut live, mut control) = player(plan(&old, 8));
+    live.process(80);
     control.swap(plan(&new, 8)).unwrap();
-    live.callback(80, |_, _| {});
-    assert_eq!(live.state(), LiveState::Panicked);
-    live.callback(80, |_, _| {});
+    live.process(80);
+    assert_eq!(live.state(), PlayerState::Panicked);
+    live.process(80);
     assert!(live.is_idle());
 }
 

@@ -5,10 +5,9 @@ use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::FrameWriter;
 use haptograph_engine::run::{
-    FileSinks, LiveOptions, Offline, OfflineError, Probe, ReplayBounds, ReplayError, Session,
+    FileSinks, OfflineError, Probe, ReplayBounds, ReplayError, Session, SessionOptions,
 };
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 type Bits = Arc<Mutex<Vec<u64>>>;
@@ -71,7 +70,8 @@ fn taken(bits: &[Bits; 2]) -> [Vec<u64>; 2] {
 fn live_run(graph: &Graph, from: usize, folder: &Path) -> [Vec<u64>; 2] {
     let (outlets, bits) = listening(graph);
     let stylus = link(graph, "stylus");
-    let (mut lives, mut session) = Session::open_all(outlets, &LiveOptions::default(), Some(folder)).unwrap();
+    let (mut lives, mut session) =
+        Session::open_all(outlets, &SessionOptions::default(), Some(folder)).unwrap();
     let rates: Vec<usize> = lives.iter().map(|live| live.run().rate_hz() as usize).collect();
     for wake in 0..400_usize {
         if !(150..280).contains(&wake) && wake % 7 < 3 && wake >= from {
@@ -83,7 +83,7 @@ fn live_run(graph: &Graph, from: usize, folder: &Path) -> [Vec<u64>; 2] {
         for (live, rate_hz) in lives.iter_mut().zip(&rates) {
             // Wakes of all lengths, some of nothing.
             let due = |wake: usize| (wake + wake % 3) * rate_hz / 1000;
-            live.callback(due(wake + 1).saturating_sub(due(wake)), |_, _| {});
+            live.process(due(wake + 1).saturating_sub(due(wake)));
         }
         session.poll();
     }
@@ -95,7 +95,7 @@ fn live_run(graph: &Graph, from: usize, folder: &Path) -> [Vec<u64>; 2] {
 fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<[Vec<u64>; 2], OfflineError> {
     let (outlets, bits) = listening(graph);
     let bounds = ReplayBounds::new(3.0);
-    Offline::new(outlets, block).replay((folder, &bounds), &AtomicBool::new(false), &mut |_| {})?;
+    Session::replay(outlets, (folder, &bounds), &SessionOptions::default().block(block), &mut |_| {})?;
     Ok(taken(&bits))
 }
 

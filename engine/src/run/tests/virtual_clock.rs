@@ -4,10 +4,8 @@ use super::Heard;
 use super::world::random_graph_with_drivers;
 use crate::graph::{Bridge, Graph};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{FileSinks, Offline, Outcome, Probe, Runner};
-use std::convert::Infallible;
+use crate::run::{FileSinks, Outcome, Probe, Session, SessionOptions, VirtualClock};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// A graph that has rings in it, of one to three drivers.
 pub fn graphs() -> impl Iterator<Item = (u64, Graph)> {
@@ -40,7 +38,9 @@ pub fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
 /// All outputs over a second and a half.
 fn play(graph: &Graph, block: usize) -> (Vec<Vec<u64>>, Outcome) {
     let (file_sinks, heard) = listening(graph);
-    let outcome = Offline::new(file_sinks, block).run(1.5, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    let outcome =
+        Session::run_offline(file_sinks, &SessionOptions::default().block(block).seconds(1.5), &mut |_| {})
+            .unwrap();
     (all_bits(&heard), outcome)
 }
 
@@ -79,16 +79,15 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
             let plans: Vec<Arc<Plan>> =
                 Plan::of(&graph, &PlanOptions { block, taps }).into_iter().map(Arc::new).collect();
             let mut heard = vec![Vec::new(); graph.nodes.node_count()];
-            let mut runner = Runner::new(&plans).drifting(ppm);
+            let mut clock = VirtualClock::of(&plans).drifting(ppm);
             for _ in 0..1500 {
-                let Ok(()) = runner.run_quantum(|driver, run| {
+                clock.run_quantum(|driver, run| {
                     for (local, place) in plans[driver].tap_places.iter().enumerate() {
                         heard[*place].extend(bits(run.tap(local)));
                     }
-                    Ok::<(), Infallible>(())
                 });
             }
-            assert!(runner.rings().iter().all(|ring| ring.counts().underruns == 0), "seed {seed}");
+            assert!(clock.rings().iter().all(|ring| ring.counts().underruns == 0), "seed {seed}");
             heard
         };
         let drifting = [300.0, -200.0, 0.0];

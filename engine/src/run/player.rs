@@ -1,15 +1,15 @@
-//! Live runs: plans that run against a clock and can be changed while they run.
+//! The real-time half of a session: a plan that runs against a clock and can be changed while it runs.
 //!
-//! The real-time side is [`Live`]: a driver calls [`Live::callback`] with the frames that are due. The other side is
-//! [`Control`]. Rings connect them: commands one way; reports and plans to be freed the other. Invariant: a callback
-//! does not allocate, free or lock.
+//! A clock calls [`Player::process`] with the frames that are due: a driver, the caller, or virtual time. The half that may
+//! block is [`Session`](super::Session). Rings connect them: commands one way; reports and plans to be freed the other.
+//! Invariant: a call does not allocate, free or lock.
 
 use super::arrivals::ArrivalLog;
 use super::control::{COMMANDS, Command, Control, Report};
 use super::cost::CostSampler;
-use super::fade::FadeGate;
+use super::fade::FADE_S;
 use super::meter::Wake;
-use super::ramp::ParamRamps;
+use super::ramp::{ParamRamp, ParamRamps};
 use super::rings::TapRings;
 use super::swap::{PlanSwap, SwapMode};
 use super::{ActuatorReport, Faults, Run};
@@ -21,43 +21,29 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Duration of a fade in or out, s.
-pub const FADE_S: f64 = 0.01;
 const REPORTS: usize = 4096;
 /// Places among them for replaced plans, which must not be lost.
 const OLD_PLANS: usize = 64;
-/// The real-time side of a live run.
-pub struct Live {
+
+/// The real-time half of a session: it runs the plan of one driver.
+pub struct Player {
     run: Run,
-    /// The next plan. It takes over when no setting ramps, or when the fade has reached zero.
-    next: Option<Box<PlanSwap>>,
-    /// The former plan during a cross-fade.
-    former: Option<Box<PlanSwap>>,
-    /// Polled in every callback, so that a stop takes effect at once.
-    stop: Arc<AtomicBool>,
-    stopping: bool,
-    state: LiveState,
-    /// Driver frames run by the plan, and after how many it ends.
+    state: PlayerState,
+    /// Driver frames run by the plan.
     frames: u64,
-    ends_after: Option<u64>,
-    /// Interval in driver frames at which it checks whether its live inputs are silent; 0: in every callback.
+    ending: Ending,
+    /// Interval in driver frames at which it checks whether its live inputs are silent; 0: in every call.
     follows_every: u64,
     ramps: ParamRamps,
-    rings: TapRings,
-    /// Replay log of the callbacks.
-    log: Option<ArrivalLog>,
-    commands: Consumer<Command>,
-    reports: Producer<Report>,
-    unreported: u64,
-    /// Selection of the blocks that are timed; `None` if none is.
-    sampler: Option<CostSampler>,
-    /// Heat of the actuators that left the run.
-    hottest: Arc<Hottest>,
+    swaps: Swaps,
+    listeners: Listeners,
+    link: Link,
+    _claim: Option<Claim>,
 }
 
-/// State of a live run.
+/// State of a player.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LiveState {
+pub enum PlayerState {
     /// Running.
     Running,
     /// Stopped after the fade-out.
@@ -68,7 +54,51 @@ pub enum LiveState {
     Panicked,
 }
 
-/// The object that a driver runs: a live run, or a wrapper of one that uses its frames.
+/// When the run ends.
+struct Ending {
+    /// Polled in every call, so that a stop takes effect at once.
+    stop: Arc<AtomicBool>,
+    is_stopping: bool,
+    after_frames: Option<u64>,
+}
+
+/// The plans that take over.
+#[derive(Default)]
+struct Swaps {
+    /// The next plan. It takes over when no setting ramps, or when the fade has reached zero.
+    next: Option<Box<PlanSwap>>,
+    /// The former plan during a cross-fade.
+    former: Option<Box<PlanSwap>>,
+    /// Heat of the actuators that left the run.
+    hottest: Arc<Hottest>,
+}
+
+/// What listens to the blocks.
+#[derive(Default)]
+struct Listeners {
+    taps: TapRings,
+    log: Option<ArrivalLog>,
+    /// Selection of the blocks that are timed; `None` if none is.
+    sampler: Option<CostSampler>,
+}
+
+/// The ends of the rings to the session.
+struct Link {
+    commands: Consumer<Command>,
+    reports: Producer<Report>,
+    unreported: u64,
+}
+
+/// Flags that are cleared when the player is dropped.
+pub(crate) struct Claim(pub Vec<Arc<AtomicBool>>);
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        self.0.iter().for_each(|flag| flag.store(false, Ordering::Release));
+    }
+}
+
+/// The object that a driver runs: a player, or a wrapper of one that uses its frames.
 pub trait Driven: Send + 'static {
     /// Rate of the driver, Hz.
     fn rate_hz(&self) -> f64;
@@ -86,12 +116,12 @@ pub trait Driven: Send + 'static {
     fn resume(&mut self);
 }
 
-impl Driven for Live {
+impl Driven for Player {
     fn rate_hz(&self) -> f64 {
         self.run.rate_hz()
     }
     fn run_frames(&mut self, frames: usize) {
-        self.callback(frames, |_, _| {});
+        self.process(frames);
     }
     fn block(&self) -> usize {
         self.block()
@@ -110,51 +140,55 @@ impl Driven for Live {
     }
 }
 
-/// Makes both sides of a live run of `plan`. It starts without a fade, so that its samples equal an offline run's.
-pub fn live(plan: Arc<Plan>) -> (Live, Control) {
-    live_until(plan, Arc::default())
+/// Makes both halves of a run of `plan`, without files. It starts without a fade, so that its samples equal an offline
+/// run's.
+pub fn player(plan: Arc<Plan>) -> (Player, Control) {
+    player_until(plan, Arc::default())
 }
 
-/// As [`live`], with the flag that stops it.
-pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Control) {
-    let (command_in, command_out) = RingBuffer::new(COMMANDS);
-    let (report_in, report_out) = RingBuffer::new(REPORTS);
-    let live = Live {
+/// As [`player`], with the flag that stops it.
+pub(super) fn player_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Player, Control) {
+    let (command_in, commands) = RingBuffer::new(COMMANDS);
+    let (reports, report_out) = RingBuffer::new(REPORTS);
+    let player = Player {
         run: Run::new(Arc::clone(&plan)),
-        next: None,
-        former: None,
-        stop: Arc::clone(&stop),
-        stopping: false,
-        state: LiveState::Running,
+        state: PlayerState::Running,
         frames: 0,
-        ends_after: None,
+        ending: Ending { stop: Arc::clone(&stop), is_stopping: false, after_frames: None },
         follows_every: 0,
         ramps: ParamRamps::with_room_for(COMMANDS),
-        rings: TapRings::default(),
-        log: None,
-        commands: command_out,
-        reports: report_in,
-        unreported: 0,
-        sampler: None,
-        hottest: Arc::default(),
+        swaps: Swaps::default(),
+        listeners: Listeners::default(),
+        link: Link { commands, reports, unreported: 0 },
+        _claim: None,
     };
     let control = Control::new(plan, stop, command_in, report_out);
-    (live, control)
+    (player, control)
 }
 
-impl Live {
-    /// Runs `frames` driver frames in blocks of at most the plan's block; calls `each` after every block.
+impl Player {
+    /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, make system calls or panic.
+    /// Queued inputs are taken at the ticks at which they are due; outputs and probes have their frames afterwards.
     ///
     /// Catches a panic of a node: the engine then ramps the actuators to zero, outside the plan. A device that panics
     /// during this ramp receives no further output.
-    pub fn callback(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
+    pub fn process(&mut self, frames: usize) {
+        self.process_with(frames, |_, _| {});
+    }
+
+    /// As [`process`](Self::process), in blocks of at most the plan's block; calls `each` after every block.
+    pub fn process_with(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
         let mut left = frames;
         loop {
             let part = match self.follows_every {
                 0 => left,
                 every => left.min((every - self.frames % every) as usize),
             };
-            self.run_part(part, &mut each);
+            self.guarded(|player| {
+                player.begin();
+                player.hear();
+            });
+            self.run_due(part, &mut each);
             left -= part;
             if left == 0 {
                 break;
@@ -162,33 +196,30 @@ impl Live {
         }
     }
 
-    /// Runs the frames of a callback up to the next check for silent live inputs.
-    fn run_part(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
-        let done = self.frames;
-        // A panic can leave the plan's state inconsistent: the plan does not run again.
-        if catch_unwind(AssertUnwindSafe(|| self.run_plan(frames, each))).is_err() {
-            self.state = LiveState::Panicked;
+    /// Catches a panic. It can leave the plan's state inconsistent: the plan does not run again.
+    fn guarded(&mut self, work: impl FnOnce(&mut Self)) {
+        if catch_unwind(AssertUnwindSafe(|| work(self))).is_err() {
+            self.state = PlayerState::Panicked;
         }
-        if matches!(self.state, LiveState::Panicked | LiveState::Finished) {
-            let left = frames - (self.frames - done) as usize;
-            self.run.ramp_down(left, FADE_S);
-        } else if self.state == LiveState::Stopped && self.frames > done {
-            // It stopped within this callback: the rest is zeros, so that the frame count stays right.
-            self.run.ramp_down(frames - (self.frames - done) as usize, FADE_S);
-        }
-        self.run.publish_delivered();
     }
 
-    fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
+    /// Takes the commands, and the frames that other drivers have sent by now.
+    pub(super) fn begin(&mut self) {
         self.take_commands();
-        if !self.stopping && self.stop.load(Ordering::Relaxed) {
+        if !self.ending.is_stopping && self.ending.stop.load(Ordering::Relaxed) {
             self.run.fade_out(FADE_S);
-            self.stopping = true;
+            self.ending.is_stopping = true;
         }
-        if self.state != LiveState::Running {
+        if self.state == PlayerState::Running {
+            self.run.poll_rings();
+        }
+    }
+
+    /// Takes what live inputs have delivered by now.
+    fn hear(&mut self) {
+        if self.state != PlayerState::Running {
             return;
         }
-        self.run.poll_rings();
         // WebAssembly has neither system devices nor a system clock.
         #[cfg(not(target_family = "wasm"))]
         self.poll_devices(std::time::Instant::now());
@@ -200,21 +231,41 @@ impl Live {
         if self.follows_every == 0 || self.frames.is_multiple_of(self.follows_every) {
             self.run.follow_inputs(FADE_S);
         }
+    }
+
+    /// Runs the frames that are due after [`begin`](Self::begin).
+    pub(super) fn run_due(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
+        let done = self.frames;
+        self.guarded(|player| player.run_plan(frames, each));
+        let left = frames - (self.frames - done) as usize;
+        match self.state {
+            PlayerState::Panicked | PlayerState::Finished => self.run.ramp_down(left, FADE_S),
+            // It stopped within this call: the rest is zeros, so that the frame count stays right.
+            PlayerState::Stopped if self.frames > done => self.run.ramp_down(left, FADE_S),
+            PlayerState::Stopped | PlayerState::Running => {}
+        }
+        self.run.publish_delivered();
+    }
+
+    fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
+        if self.state != PlayerState::Running {
+            return;
+        }
         let mut left = frames;
-        while left > 0 && self.state == LiveState::Running {
+        while left > 0 && self.state == PlayerState::Running {
             self.change_over();
             let block = left.min(self.block_now());
-            if self.state != LiveState::Running || block == 0 {
+            if self.state != PlayerState::Running || block == 0 {
                 break;
             }
             let block = self.advance(block);
             self.frames += block as u64;
-            self.rings.send(&self.run);
+            self.listeners.taps.send(&self.run);
             each(&mut self.run, block);
             left -= block;
         }
-        if let Some(log) = &mut self.log {
-            log.note(&self.run, frames - left, self.stopping);
+        if let Some(log) = &mut self.listeners.log {
+            log.note(&self.run, frames - left, self.ending.is_stopping);
         }
     }
 
@@ -224,7 +275,7 @@ impl Live {
         for device in 0..self.run.state.devices.len() {
             if self.run.poll_device(device, now) {
                 self.run.restart_device(device, FADE_S);
-                if let Some(log) = &mut self.log {
+                if let Some(log) = &mut self.listeners.log {
                     log.resume(device + 1);
                 }
             }
@@ -233,15 +284,15 @@ impl Live {
 
     /// Runs up to `block` frames and returns how many.
     fn advance(&mut self, block: usize) -> usize {
-        let Some(former) = &mut self.former else {
-            match self.sampler.as_mut().is_some_and(CostSampler::is_due) {
+        let Some(former) = &mut self.swaps.former else {
+            match self.listeners.sampler.as_mut().is_some_and(CostSampler::is_due) {
                 true => self.run.advance_timed(block),
                 false => self.run.advance(block),
             }
             return block;
         };
         if former.run_together(&mut self.run)
-            && let Some(former) = self.former.take()
+            && let Some(former) = self.swaps.former.take()
         {
             self.retire(former);
         }
@@ -252,9 +303,9 @@ impl Live {
     fn block_now(&mut self) -> usize {
         let rate_hz = self.run.plan.driver_rate().hz();
         let block = self.run.plan.block.min(self.ramps.step(&mut self.run, rate_hz));
-        let left = self.ends_after.map_or(u64::MAX, |end| end.saturating_sub(self.frames));
+        let left = self.ending.after_frames.map_or(u64::MAX, |end| end.saturating_sub(self.frames));
         if left == 0 {
-            self.state = LiveState::Finished;
+            self.state = PlayerState::Finished;
         }
         block.min(usize::try_from(left).unwrap_or(usize::MAX))
     }
@@ -266,30 +317,50 @@ impl Live {
 
     /// Times some of its blocks from now on, step by step.
     pub(crate) fn sample_costs(&mut self) {
-        self.sampler = Some(CostSampler::default());
+        self.listeners.sampler = Some(CostSampler::default());
     }
 
     /// Sets the end of the run, in driver frames from the start.
     pub fn end_after(&mut self, frames: u64) {
-        self.ends_after = Some(frames);
+        self.ending.after_frames = Some(frames);
+    }
+
+    /// Ends the run after `seconds` of its driver's time.
+    pub(super) fn end_after_seconds(&mut self, seconds: f64) {
+        self.end_after((seconds * self.run.rate_hz()).round().max(0.0) as u64);
+    }
+
+    /// Frames of the plan after which the run ends; `None` if it has no end of its own.
+    pub(super) fn end(&self) -> Option<u64> {
+        self.ending.after_frames
+    }
+
+    /// Keeps a claim until it is dropped.
+    pub(crate) fn hold(&mut self, claim: Claim) {
+        self._claim = Some(claim);
+    }
+
+    /// Starts a ramp of a setting at the next frame.
+    pub(super) fn start_ramp(&mut self, ramp: ParamRamp) {
+        self.ramps.start(ramp, &mut self.run);
     }
 
     /// Shares the heat of removed actuators with the other drivers: an actuator can move between drivers.
     pub(super) fn share_heat(&mut self, hottest: Arc<Hottest>) {
-        self.hottest = hottest;
+        self.swaps.hottest = hottest;
     }
 
     pub(super) fn send_taps_through(&mut self, rings: TapRings) {
-        self.rings = rings;
+        self.listeners.taps = rings;
     }
 
     pub(super) fn log_through(&mut self, log: ArrivalLog) {
-        self.log = Some(log);
+        self.listeners.log = Some(log);
     }
 
     /// Callbacks missing at the end of the replay log.
     pub fn lost_arrivals(&self) -> u64 {
-        self.log.as_ref().map_or(0, ArrivalLog::lost)
+        self.listeners.log.as_ref().map_or(0, ArrivalLog::lost)
     }
 
     pub(super) fn run_mut(&mut self) -> &mut Run {
@@ -298,7 +369,7 @@ impl Live {
 
     /// Numbers of tapped outputs lost because their rings were full.
     pub fn lost_numbers(&self) -> u64 {
-        self.rings.lost()
+        self.listeners.taps.lost()
     }
 
     /// Driver frames that the plan has run.
@@ -309,26 +380,26 @@ impl Live {
     /// True if the run has ended and every actuator is at zero.
     pub fn is_idle(&self) -> bool {
         match self.state {
-            LiveState::Running => false,
-            LiveState::Stopped => true,
-            LiveState::Finished | LiveState::Panicked => self.run.is_ramped_down(FADE_S),
+            PlayerState::Running => false,
+            PlayerState::Stopped => true,
+            PlayerState::Finished | PlayerState::Panicked => self.run.is_ramped_down(FADE_S),
         }
     }
 
     /// Reports a wake-up; counts it as unreported if only the places of replaced plans are free.
     pub fn report(&mut self, wake: Wake) {
-        let has_room = self.reports.slots() > OLD_PLANS;
-        self.unreported += u64::from(!has_room || self.reports.push(Report::Wake(wake)).is_err());
+        let has_room = self.link.reports.slots() > OLD_PLANS;
+        self.link.unreported += u64::from(!has_room || self.link.reports.push(Report::Wake(wake)).is_err());
     }
 
     /// State of the run.
-    pub fn state(&self) -> LiveState {
+    pub fn state(&self) -> PlayerState {
         self.state
     }
 
     /// Number of reports lost because the ring was full.
     pub fn unreported(&self) -> u64 {
-        self.unreported
+        self.link.unreported
     }
 
     /// Length of the longest block in driver frames.
@@ -343,9 +414,9 @@ impl Live {
 
     /// Fades in again after an interruption of the driver, during which time stood still.
     pub fn resume(&mut self) {
-        if self.state == LiveState::Running {
+        if self.state == PlayerState::Running {
             self.run.restart_from_zero(FADE_S);
-            if let Some(log) = &mut self.log {
+            if let Some(log) = &mut self.listeners.log {
                 log.resume(0);
             }
         }
@@ -368,16 +439,16 @@ impl Live {
 
     fn take_commands(&mut self) {
         // A swap and the commands after it wait for the swap before.
-        while self.next.is_none() {
-            if self.former.is_some() && matches!(self.commands.peek(), Ok(Command::Swap(_))) {
+        while self.swaps.next.is_none() {
+            if self.swaps.former.is_some() && matches!(self.link.commands.peek(), Ok(Command::Swap(_))) {
                 break;
             }
-            match self.commands.pop() {
+            match self.link.commands.pop() {
                 Ok(Command::Set(ramp)) => {
-                    if let Some(log) = &mut self.log {
+                    if let Some(log) = &mut self.listeners.log {
                         log.set(self.run.driver_frames(), &ramp);
                     }
-                    self.ramps.start(ramp, &mut self.run);
+                    self.start_ramp(ramp);
                 }
                 Ok(Command::Swap(next)) => self.begin_swap(next),
                 Err(_) => break,
@@ -389,38 +460,38 @@ impl Live {
         match next.mode {
             SwapMode::InPlace => {
                 next.take_over_in_place(&mut self.run);
-                next.rings.take_over(&mut self.rings);
+                next.rings.take_over(&mut self.listeners.taps);
                 self.retire(next);
                 return;
             }
             SwapMode::CrossFade => {}
             SwapMode::FadeThroughZero(_) => self.run.fade_out(FADE_S),
         }
-        if let Some(log) = &mut self.log {
+        if let Some(log) = &mut self.listeners.log {
             log.end();
         }
-        self.next = Some(next);
+        self.swaps.next = Some(next);
     }
 
     /// Starts the pending swap or stops, when the present ramps and fades have ended.
     fn change_over(&mut self) {
-        if !self.stopping
+        if !self.ending.is_stopping
             && self.ramps.is_empty()
-            && let Some(mut next) = self.next.take_if(|next| next.mode == SwapMode::CrossFade)
+            && let Some(mut next) = self.swaps.next.take_if(|next| next.mode == SwapMode::CrossFade)
         {
-            next.cross_fade(&mut self.run, FADE_S, &self.hottest);
-            next.rings.take_over(&mut self.rings);
-            self.former = Some(next);
+            next.cross_fade(&mut self.run, FADE_S, &self.swaps.hottest);
+            next.rings.take_over(&mut self.listeners.taps);
+            self.swaps.former = Some(next);
         }
         if !self.run.is_silent() {
             return;
         }
-        if self.stopping {
-            self.state = LiveState::Stopped;
-        } else if let Some(mut next) = self.next.take() {
+        if self.ending.is_stopping {
+            self.state = PlayerState::Stopped;
+        } else if let Some(mut next) = self.swaps.next.take() {
             self.ramps.finish(&mut self.run);
-            next.take_over(&mut self.run, &self.hottest);
-            next.rings.take_over(&mut self.rings);
+            next.take_over(&mut self.run, &self.swaps.hottest);
+            next.rings.take_over(&mut self.listeners.taps);
             self.run.fade_in(FADE_S);
             self.retire(next);
         }
@@ -428,68 +499,10 @@ impl Live {
 
     /// Returns an old plan to the control side, which frees it. The ring has room for more than can be pending.
     fn retire(&mut self, old: Box<PlanSwap>) {
-        if let Err(rtrb::PushError::Full(Report::Old(old))) = self.reports.push(Report::Old(old)) {
+        if let Err(rtrb::PushError::Full(Report::Old(old))) = self.link.reports.push(Report::Old(old)) {
             // This thread must not free: the plan is leaked and counted.
             std::mem::forget(old);
-            self.unreported += 1;
+            self.link.unreported += 1;
         }
-    }
-}
-
-impl Run {
-    /// Starts a fade-in from zero.
-    pub(crate) fn fade_in(&mut self, seconds: f64) {
-        let (begin, end) = self.fade_span(seconds);
-        self.state.fade = FadeGate::Rising { begin, end };
-    }
-
-    /// Starts a fade-out from the present factor.
-    pub(crate) fn fade_out(&mut self, seconds: f64) {
-        if !matches!(self.state.fade, FadeGate::Falling { .. }) {
-            let (begin, end) = self.fade_span(seconds);
-            let from = self.state.fade.factor(begin);
-            self.state.fade = FadeGate::Falling { begin, end, from };
-        }
-    }
-
-    /// Fades in after an interruption without output; if the outputs were fading out, they stay at zero.
-    pub(crate) fn restart_from_zero(&mut self, seconds: f64) {
-        self.reset_limiters();
-        // Whatever is there now is not what was armed.
-        for device in &mut self.state.devices {
-            if let Some(gate) = &mut device.gate {
-                gate.close();
-            }
-        }
-        if let FadeGate::Falling { .. } = self.state.fade {
-            let (begin, end) = self.fade_span(0.0);
-            self.state.fade = FadeGate::Falling { begin, end, from: 0.0 };
-        } else {
-            self.fade_in(seconds);
-        }
-    }
-
-    /// Lets the actuators of a device rise from zero, and disarms them: its hardware was given zeros meanwhile.
-    pub(crate) fn restart_device(&mut self, device: usize, seconds: f64) {
-        let span = self.fade_span(seconds);
-        for (actuator, ..) in &self.plan.devices[device].driven_by {
-            let actuator = &mut self.state.actuators[*actuator];
-            actuator.limiter.begin_from(&[0.0; 6]);
-            actuator.gate.begin_from_zero(span);
-        }
-        if let Some(gate) = &mut self.state.devices[device].gate {
-            gate.close();
-        }
-    }
-
-    /// True if a fade-out has ended. The limits may make it longer.
-    pub(crate) fn is_silent(&self) -> bool {
-        self.state.fade.is_zero_from(self.state.windows.block().1) && self.is_idle()
-    }
-
-    pub(super) fn fade_span(&self, seconds: f64) -> (u64, u64) {
-        let begin = self.state.windows.block().1;
-        let units = (seconds * self.plan.base.units_per_second()).round().max(1.0) as u64;
-        (begin, begin.saturating_add(units))
     }
 }

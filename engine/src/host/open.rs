@@ -1,0 +1,127 @@
+//! Opening a run whose clock is the caller, and reading its probes.
+
+use super::any::AnyOutput;
+use super::handles::{HostError, HostFrame, Output, host, unknown};
+use crate::frame::Kind;
+use crate::graph::{Graph, NodeId};
+use crate::run::{ChangeError, Changed, Claim, FileSinks, HandedProbe, Player, Session, SessionOptions};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+impl Player {
+    /// Opens a run of a graph with one driver, which is the caller: the player for the caller's callback, and the session,
+    /// which sets parameters, replaces the graph and reports, from any other thread.
+    ///
+    /// # Errors
+    /// [`HostError`] if the graph has several drivers or a script among its nodes, another player runs it, or it has no such
+    /// probe.
+    pub fn open(graph: &Graph, options: &SessionOptions) -> Result<(Self, Session), HostError> {
+        let drivers = graph.drivers();
+        if drivers.len() != 1 {
+            let drivers = drivers.iter().map(|driver| graph.clocks()[*driver].name.clone());
+            let (count, drivers) = (drivers.len(), drivers.collect());
+            return Err(HostError::Drivers { count, drivers });
+        }
+        if !options.offline {
+            graph.refuse_scripts()?;
+        }
+        let mut sinks = FileSinks::new(graph);
+        for name in &options.probes {
+            sinks.hand_over(name, graph.find_output(name)?);
+        }
+        let system = |reason: &dyn std::fmt::Display| HostError::System { reason: reason.to_string() };
+        if let Some(folder) = &options.folder {
+            sinks.open_files(folder).map_err(|error| system(&error))?;
+        }
+        let claim = claim(graph)?;
+        let (mut player, session) = Session::open(sinks, options).map_err(|error| system(&error))?;
+        player.hold(claim);
+        // At fixed frames, so that the checks for silent endpoints do not depend on the calls.
+        player.follow_inputs_every(player.block() as u64);
+        if options.sample_costs && !cfg!(target_family = "wasm") {
+            player.sample_costs();
+        }
+        Ok((player, session))
+    }
+}
+
+impl Session {
+    /// As [`change`](Self::change), with probes of the new graph. Existing probes that are named continue with their
+    /// handles, the others end; the handles of new ones can be taken. Unknown outputs are ignored. Without a folder the
+    /// graph's file sinks write nothing.
+    ///
+    /// # Errors
+    /// [`ChangeError`]; the running graph continues.
+    pub fn change_and_probe(
+        &mut self,
+        graph: &Graph,
+        folder: Option<&Path>,
+        probes: &[String],
+    ) -> Result<Changed, ChangeError> {
+        let ports = probes.iter().filter_map(|name| Some((&**name, graph.find_output(name).ok()?)));
+        let ports: Vec<(&str, (NodeId, usize))> = ports.collect();
+        self.change_with(graph.into(), folder, Some(&ports))
+    }
+
+    /// Takes the handle of a probe. Its frames start with the first of the run, or of the graph that brought it.
+    ///
+    /// # Errors
+    /// [`HostError`] if there is no such probe, its frames are of another kind, or its handle has been taken.
+    pub fn probe<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
+        self.take_probe(name, Some(V::KIND)).map(Output::of)
+    }
+
+    /// As [`probe`](Self::probe), for frames of any kind.
+    ///
+    /// # Errors
+    /// [`HostError`] if there is no such probe, or its handle has been taken.
+    pub fn any_probe(&mut self, name: &str) -> Result<AnyOutput, HostError> {
+        self.take_probe(name, None)
+    }
+
+    fn take_probe(&mut self, name: &str, asked: Option<Kind>) -> Result<AnyOutput, HostError> {
+        let Some(place) = self.probes.iter().position(|probe| probe.name == name) else {
+            let names: Vec<String> = self.probes.iter().map(|probe| probe.name.clone()).collect();
+            return Err(unknown("probe", name, &names));
+        };
+        let HandedProbe { stream, ring, .. } = &mut self.probes[place];
+        let (name, kind) = (name.to_owned(), stream.kind);
+        if let Some(asked) = asked.filter(|asked| *asked != kind) {
+            return Err(HostError::Kind { name, kind, asked });
+        }
+        let ring = ring.take().ok_or_else(|| HostError::Taken { name: name.clone() })?;
+        Ok(AnyOutput::of_ring(&name, stream, ring))
+    }
+}
+
+/// Claims the host endpoints of a graph for a player.
+fn claim(graph: &Graph) -> Result<Claim, HostError> {
+    let mut claimed = Claim(Vec::new());
+    for device in graph.devices() {
+        let Some(endpoint) = host(device) else { continue };
+        if endpoint.playing.swap(true, Ordering::AcqRel) {
+            let name = device.name.clone();
+            return Err(HostError::Playing { name });
+        }
+        claimed.0.push(Arc::clone(&endpoint.playing));
+    }
+    Ok(claimed)
+}
+
+impl Graph {
+    /// Finds an output by the name that an input of the graph would use: `"texture.acceleration"`, or `"texture"` if it
+    /// has one output. `texture` is a node or the use of a template. Returns the node and the index of the output.
+    ///
+    /// # Errors
+    /// [`HostError::Unknown`] with the existing outputs.
+    pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
+        self.output_called(name).ok_or_else(|| {
+            let ports = self
+                .nodes()
+                .iter()
+                .flat_map(|node| node.outputs.iter().map(move |port| format!("{}.{}", node.path, port.name)));
+            unknown("output", name, &ports.collect::<Vec<_>>())
+        })
+    }
+}
