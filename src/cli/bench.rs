@@ -60,7 +60,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let turns = measure(&plans, &mut profile, arguments.seconds);
     let report = CostReport::new(&graph, &plans, &profile, &turns);
     if let Some(svg) = &svg {
-        svg.write(&report.to_svg(&arguments.graph.name()))?;
+        svg.write(report.to_svg(&arguments.graph.name()))?;
     }
     show(&report, arguments.json)
 }

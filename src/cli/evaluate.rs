@@ -173,7 +173,7 @@ fn write_report(
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
-    page.write(&crate::report::evaluation::page(&title(arguments.dir()), found, &learned))
+    page.write(crate::report::evaluation::page(&title(arguments.dir()), found, &learned))
 }
 
 fn study_settings(arguments: &Arguments) -> StudySettings {
