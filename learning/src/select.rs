@@ -7,16 +7,18 @@ use haptograph_surfaces::Surface;
 use haptograph_surfaces::rendering::{RandomWalk, SynthesisError, SynthesisSettings, synthesise};
 
 /// The features by which surfaces are compared.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Features {
+    /// Friction coefficient: slipperiness.
+    #[serde(rename = "mu")]
+    pub friction: Option<f64>,
     /// The surface's name.
     pub name: String,
-    /// Friction coefficient: slipperiness.
-    pub friction: Option<f64>,
-    /// Tap response factor, N per m/s: hardness. The slope of [`Taps::response`](haptograph_surfaces::Taps::response).
-    pub tap_response: Option<f64>,
     /// Power of the vibration along the representative trajectory, (m/s²)²: roughness.
     pub power: Option<f64>,
+    /// Tap response factor, N per m/s: hardness. The slope of [`Taps::response`](haptograph_surfaces::Taps::response).
+    #[serde(rename = "tap_response_n_s_per_m")]
+    pub tap_response: Option<f64>,
 }
 
 /// The features of a surface, from the parts that it has.

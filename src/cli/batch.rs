@@ -7,7 +7,7 @@ use super::{Failure, eprint, make_folder, print_json, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
-use crate::learning::batch::{self, Batch, PlanError, RenderSettings, Shard};
+use crate::learning::batch::{self, Batch, Merged, PlanError, RenderSettings, Rendered, Shard};
 use crate::nodes::sinks::wav::open_to_fit;
 use crate::signal::quantity::Quantity;
 use crate::signal::time::Rate;
@@ -141,49 +141,26 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     for (path, why) in &done.replaced {
         eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
     }
-    let rendered = RenderedFolder {
-        chunks: done.chunks,
-        complete: done.is_complete,
-        folder,
-        kept: done.kept,
-        rendered: done.rendered,
-        replaced: done.replaced.into_iter().map(|(path, _)| path).collect(),
-        stopped: done.was_stopped,
-    };
     if !done.was_stopped {
-        return show(&rendered, arguments.json);
+        return show(&done, arguments.json);
     }
     if arguments.json {
-        print_json(&rendered)?;
+        print_json(&done)?;
     }
-    let missing = done.chunks - done.rendered - done.kept;
-    eprint(&format!(
-        "stopped with {missing} of {} chunks missing; repeat the command to continue\n",
-        done.chunks
-    ));
+    let Rendered { chunks, rendered, kept, .. } = done;
+    let missing = chunks - rendered - kept;
+    eprint(&format!("stopped with {missing} of {chunks} chunks missing; repeat the command to continue\n"));
     Err(Failure::Interrupted)
 }
 
-/// What was rendered into a folder.
-#[derive(Serialize)]
-struct RenderedFolder<'a> {
-    chunks: u64,
-    complete: bool,
-    folder: &'a Path,
-    kept: u64,
-    rendered: u64,
-    replaced: Vec<PathBuf>,
-    stopped: bool,
-}
-
-impl CommandResult for RenderedFolder<'_> {
+impl CommandResult for Rendered {
     fn text(&self) -> String {
-        let Self { chunks, rendered, .. } = self;
-        let there = match self.kept {
+        let Self { chunks, rendered, kept, .. } = self;
+        let there = match kept {
             0 => String::new(),
             kept => format!(", kept {kept} existing ones"),
         };
-        let whole = match self.complete {
+        let whole = match self.is_complete {
             true => "the data set is complete",
             false => "the other parts are missing",
         };
@@ -193,18 +170,17 @@ impl CommandResult for RenderedFolder<'_> {
 
 /// A data set that was joined from parts.
 #[derive(Serialize)]
-struct MergedFolder<'a> {
-    chunks: u64,
-    folder: &'a Path,
-    jobs: u64,
+struct Joined {
+    #[serde(flatten)]
+    merged: Merged,
     #[serde(skip)]
     parts: usize,
 }
 
-impl CommandResult for MergedFolder<'_> {
+impl CommandResult for Joined {
     fn text(&self) -> String {
-        let Self { chunks, folder, jobs, parts } = self;
-        format!("merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n", folder.display())
+        let Merged { chunks, folder, jobs } = &self.merged;
+        format!("merged {chunks} chunks, {jobs} jobs, of {} parts: {}\n", self.parts, folder.display())
     }
 }
 
@@ -213,8 +189,7 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
     let merged = batch::merge(parts, output, &|part| progress.at(part));
     drop(progress);
     let merged = merged.map_err(Failure::message)?;
-    let batch::Merged { chunks, jobs } = merged;
-    show(&MergedFolder { chunks, folder: output, jobs, parts: parts.len() }, json)
+    show(&Joined { merged, parts: parts.len() }, json)
 }
 
 fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -> Result<(), Failure> {

@@ -80,9 +80,8 @@ impl Variance {
 
 #[derive(Serialize)]
 struct Segments {
-    breaks: Vec<usize>,
-    orders: Vec<usize>,
-    mdl: f64,
+    #[serde(flatten)]
+    found: Segmentation,
     /// Present only if the signal is known to come from simulated devices.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     simulated: bool,
@@ -112,9 +111,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let progress = (arguments.method == Method::Genetic).then(|| Progress::unknown("evolving"));
     let found = segment(&signal, &settings).map_err(Failure::doing("segment", &arguments.file))?;
     drop(progress);
-    let Segmentation { breaks, orders, mdl } = found;
-    let segments = Segments { breaks, orders, mdl, simulated, samples: signal.len() };
-    show(&segments, arguments.json)
+    show(&Segments { found, simulated, samples: signal.len() }, arguments.json)
 }
 
 /// Refuses flags that have no effect on the exact search.
@@ -132,16 +129,15 @@ fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
 
 impl CommandResult for Segments {
     fn text(&self) -> String {
-        let starts = std::iter::once(0).chain(self.breaks.iter().copied());
-        let ends = self.breaks.iter().copied().chain([self.samples]);
-        let row = |((start, end), order): ((usize, usize), &usize)| {
-            vec![start.to_string(), (end - start).to_string(), order.to_string()]
-        };
-        let rows: Vec<_> = starts.zip(ends).zip(&self.orders).map(row).collect();
+        let rows =
+            self.found.segments(self.samples).zip(&self.found.orders).map(|(range, order)| {
+                vec![range.start.to_string(), range.len().to_string(), order.to_string()]
+            });
+        let rows: Vec<_> = rows.collect();
         let mut head = vec![
             ("samples", self.samples.to_string()),
-            ("segments", self.orders.len().to_string()),
-            ("description length", significant(self.mdl, 8)),
+            ("segments", self.found.orders.len().to_string()),
+            ("description length", significant(self.found.mdl, 8)),
         ];
         head.extend(self.simulated.then(|| ("simulated", "yes".to_owned())));
         format!("{}\n{}", facts(&head), table(&["first sample", "samples", "order"], &rows))

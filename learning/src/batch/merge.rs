@@ -6,6 +6,7 @@ use super::manifest::{ChunkEntry, Manifest};
 use crate::parts::{PartsError, whole};
 use haptograph_signal::files;
 use haptograph_signal::files::write_atomically_by;
+use serde::Serialize;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -33,10 +34,12 @@ pub enum MergeError {
 }
 
 /// The result of a merge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Merged {
     /// Chunks of the whole.
     pub chunks: u64,
+    /// The folder of the whole.
+    pub folder: PathBuf,
     /// Jobs of the whole.
     pub jobs: u64,
 }
@@ -66,7 +69,7 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
     };
     let path = into.join(super::MANIFEST);
     merged.write(into).map_err(|source| MergeError::Io { path, source })?;
-    Ok(Merged { chunks: merged.whole(), jobs: merged.jobs })
+    Ok(Merged { chunks: merged.whole(), folder: into.to_owned(), jobs: merged.jobs })
 }
 
 /// The manifest of a part.

@@ -7,6 +7,7 @@ use super::plan::Batch;
 use crate::parts::{self, Outcome, Shard};
 use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
+use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -29,20 +30,29 @@ impl Default for RenderSettings {
 }
 
 /// The result of a run.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Rendered {
     /// Chunks of the requested shard.
     pub chunks: u64,
-    /// Chunks rendered in this run.
-    pub rendered: u64,
+    /// True if the folder now has every chunk of the whole batch.
+    #[serde(rename = "complete")]
+    pub is_complete: bool,
+    /// The folder.
+    pub folder: PathBuf,
     /// Chunks that already existed.
     pub kept: u64,
+    /// Chunks rendered in this run.
+    pub rendered: u64,
     /// Damaged files and the reasons; they were rendered again.
+    #[serde(serialize_with = "paths")]
     pub replaced: Vec<(PathBuf, String)>,
-    /// True if the folder now has every chunk of the whole batch.
-    pub is_complete: bool,
     /// True if the run was stopped before its end.
+    #[serde(rename = "stopped")]
     pub was_stopped: bool,
+}
+
+fn paths<S: Serializer>(replaced: &[(PathBuf, String)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(replaced.iter().map(|(path, _)| path))
 }
 
 /// An error of rendering a batch.
@@ -121,6 +131,7 @@ fn summary(
     let is_own = |chunk: u64| shard.is_none_or(|shard| shard.has(chunk));
     let mut done = Rendered {
         chunks: (0..batch.chunks()).filter(|chunk| is_own(*chunk)).count() as u64,
+        folder: folder.to_owned(),
         ..Rendered::default()
     };
     let mut found = BTreeMap::new();

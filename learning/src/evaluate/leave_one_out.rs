@@ -20,7 +20,7 @@ mod exponents;
 mod summary;
 
 pub use exponents::PowerExponents;
-pub use summary::{Mean, Summary};
+pub use summary::Summary;
 
 /// Minimum number of measured models of a texture, and of known models in the narrow third.
 const LEAST_MODELS: usize = 3;

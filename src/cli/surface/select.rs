@@ -179,23 +179,15 @@ struct Selected<'a> {
 #[derive(Serialize)]
 struct Clustered<'a> {
     cluster: usize,
-    mu: Option<f64>,
-    name: &'a str,
-    power: Option<f64>,
-    tap_response_n_s_per_m: Option<f64>,
+    #[serde(flatten)]
+    features: &'a Features,
 }
 
 impl<'a> Selected<'a> {
     fn new(found: &'a [Features], selection: Selection, centre: Option<(f64, f64)>) -> Self {
         let Selection { features, clusters, chosen, scree } = selection;
-        let clustered = |(f, cluster): (&'a Features, usize)| Clustered {
-            cluster,
-            mu: f.friction,
-            name: &f.name,
-            power: f.power,
-            tap_response_n_s_per_m: f.tap_response,
-        };
-        let surfaces = found.iter().zip(clusters).map(clustered).collect();
+        let surfaces = found.iter().zip(clusters);
+        let surfaces = surfaces.map(|(features, cluster)| Clustered { cluster, features }).collect();
         let selected = chosen.iter().map(|&i| &*found[i].name).collect();
         Self { centre: centre.map(Centre::from), features, scree, selected, surfaces, chosen }
     }
@@ -207,10 +199,10 @@ impl CommandResult for Selected<'_> {
         let row = |(cluster, &i): (usize, &usize)| {
             let others = self.surfaces.iter().enumerate();
             let others = others.filter(|&(j, other)| j != i && other.cluster == cluster);
-            let others: Vec<&str> = others.map(|(_, other)| other.name).collect();
-            let Clustered { name, mu, tap_response_n_s_per_m, power, .. } = self.surfaces[i];
-            let numbers = [mu, tap_response_n_s_per_m, power].map(number);
-            [name.to_owned()].into_iter().chain(numbers).chain([others.join(", ")]).collect()
+            let others: Vec<&str> = others.map(|(_, other)| &*other.features.name).collect();
+            let Features { name, friction, tap_response, power } = self.surfaces[i].features;
+            let numbers = [*friction, *tap_response, *power].map(number);
+            [name.clone()].into_iter().chain(numbers).chain([others.join(", ")]).collect()
         };
         let rows: Vec<Vec<String>> = self.chosen.iter().enumerate().map(row).collect();
         let (chosen, all, features) = (self.chosen.len(), self.surfaces.len(), self.features.join(", "));

@@ -1,17 +1,9 @@
 //! Summary of predictions over textures.
 
 use super::{MapKind, Prediction};
+use crate::evaluate::holdout::Mean;
 use haptograph_signal::statistics::mean;
 use std::collections::BTreeMap;
-
-/// A mean over textures.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mean {
-    /// The mean.
-    pub mean: f64,
-    /// The standard error; `None` for one texture.
-    pub error: Option<f64>,
-}
 
 /// Accuracy of a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,7 +37,7 @@ impl Summary {
             let of = |texture: &Vec<&Prediction>| {
                 texture.iter().map(|one| value(one)).sum::<f64>() / texture.len() as f64
             };
-            Mean::of(&textures.values().map(of).collect::<Vec<_>>())
+            mean_of(&textures.values().map(of).collect::<Vec<_>>())
         };
         let models = textures.values().map(Vec::len).sum();
         let all = textures.values().flatten().map(|one| beyond(one)).sum::<f64>();
@@ -60,11 +52,9 @@ impl Summary {
     }
 }
 
-impl Mean {
-    fn of(values: &[f64]) -> Self {
-        let middle = mean(values);
-        let squares: f64 = values.iter().map(|x| (x - middle).powi(2)).sum();
-        let count = values.len() as f64;
-        Self { mean: middle, error: (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()) }
-    }
+fn mean_of(values: &[f64]) -> Mean {
+    let middle = mean(values);
+    let squares: f64 = values.iter().map(|x| (x - middle).powi(2)).sum();
+    let count = values.len() as f64;
+    Mean { mean: middle, error: (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()) }
 }

@@ -34,7 +34,7 @@ use std::ops::Range;
 use variance::{Burg, ConditionalLeastSquares, Estimator, YuleWalker};
 
 /// Segments of a signal, each modelled by one autoregressive process.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Segmentation {
     /// 0-based first samples of the second and later segments, ascending.
     pub breaks: Vec<usize>,
