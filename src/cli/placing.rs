@@ -10,9 +10,9 @@ mod file;
 mod folder;
 mod manifest;
 
-pub use commit::{MOVES, MovePlan, resume};
+pub use commit::MOVES;
 pub use file::{Force, Output, replaceable};
-pub use folder::{MARK, MARKER, PARTIAL, PROBES, REPLACED, RunFolder, dead_in, lock};
+pub use folder::{MARK, MARKER, PROBES, REPLACED, RunFolder, complete_move, dead_in, lock, rename_recovered};
 pub use manifest::MANIFEST;
 use std::fs;
 use std::io;

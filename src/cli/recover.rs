@@ -4,7 +4,7 @@
 //! those of crashed runs, are corrected to the length of the data; recordings are assembled from their parts, which are
 //! kept; and the folder of a run gets its own name. A complete run that was killed during its move is moved to its place.
 
-use super::placing::{MARKER, MovePlan, PARTIAL, PROBES, lock, resume};
+use super::placing::{MARKER, complete_move, lock, rename_recovered};
 use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
@@ -73,29 +73,22 @@ fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
         let message = "a run is writing there now";
         return Err(Failure::file("recover", path, &message));
     }
-    if let Some(plan) = MovePlan::read(path) {
-        return Ok(vec![complete(path, &plan)]);
+    if let Some(place) = complete_move(path) {
+        let said =
+            |place: PathBuf| format!("{}: completed the interrupted move of this run", place.display());
+        return Ok(vec![place.map(said)]);
     }
     let mut done = Vec::new();
     folder(path, (DEPTH, false), &mut done);
     let is_whole = done.iter().all(Result::is_ok);
     if path.join(MARKER).is_file() && is_whole {
-        done.push(place(path));
+        let said = |target: PathBuf| format!("{}: renamed from {}", target.display(), path.display());
+        done.push(rename_recovered(path).map(said));
     }
     if done.is_empty() {
         done.push(Ok(format!("{}: nothing to recover", path.display())));
     }
     Ok(done)
-}
-
-/// Completes the interrupted move of a complete run.
-fn complete(path: &Path, plan: &MovePlan) -> Done {
-    let failed = |error: &dyn std::fmt::Display| Failure::file("complete the move of", path, error);
-    let content = path.canonicalize().map_err(|error| failed(&error))?;
-    let place = plan.place(&content);
-    let place = place.ok_or_else(|| failed(&"its name does not state the target of the move"))?;
-    resume(&content, &place, plan)?;
-    Ok(format!("{}: completed the interrupted move of this run", place.display()))
 }
 
 /// The files of a run that is not complete, locked while it goes on.
@@ -200,23 +193,4 @@ fn strokes(folder: &Path) -> Done {
         }
         Err(error) => Err(Failure::file("make the recording of", folder, &error)),
     }
-}
-
-/// Renames a leftover to `NAME-recovered`, or to the first free name with a number.
-fn place(leftover: &Path) -> Done {
-    let failed = |error: &dyn std::fmt::Display| Failure::file("rename", leftover, error);
-    let name = leftover.file_name().unwrap_or_default().to_string_lossy();
-    let name = name.split(PARTIAL).next().unwrap_or("run");
-    let numbers = std::iter::once(String::new()).chain((2..10_000).map(|number| format!("-{number}")));
-    let mut names = numbers.map(|number| leftover.with_file_name(format!("{name}-recovered{number}")));
-    let is_free = |path: &PathBuf| fs::symlink_metadata(path).is_err();
-    let target = { names }.find(is_free).ok_or_else(|| failed(&"every name is taken"))?;
-    fs::rename(leftover, &target).map_err(|error| failed(&error))?;
-    // A visible name for the probes; on failure they keep their hidden name.
-    if fs::symlink_metadata(target.join("probes")).is_err() {
-        let _ = fs::rename(target.join(PROBES), target.join("probes"));
-    }
-    // The folder is no leftover any more; if this fails, only its marker remains.
-    let _ = fs::remove_file(target.join(MARKER));
-    Ok(format!("{}: renamed from {}", target.display(), leftover.display()))
 }

@@ -8,6 +8,7 @@ use crate::cli::{Failure, eprint, make_folder};
 use crate::signal::files;
 use serde_json::{Value, json};
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -144,6 +145,38 @@ fn complete_moves(place: &Path) -> Result<(), Failure> {
         eprint(&format!("note: completed the interrupted move of the run in {leftover} to {place}\n"));
     }
     Ok(())
+}
+
+/// Completes the interrupted move of a complete run and returns its place; `None` if the folder has no plan of a move.
+pub fn complete_move(content: &Path) -> Option<Result<PathBuf, Failure>> {
+    let plan = MovePlan::read(content)?;
+    let complete = || {
+        let failed = |error: &dyn Display| Failure::file("complete the move of", content, error);
+        let content = content.canonicalize().map_err(|error| failed(&error))?;
+        let place = plan.place(&content);
+        let place = place.ok_or_else(|| failed(&"its name does not state the target of the move"))?;
+        commit::resume(&content, &place, &plan).map(|()| place)
+    };
+    Some(complete())
+}
+
+/// Renames the folder of a crashed run to `NAME-recovered`, or to the first free name with a number.
+pub fn rename_recovered(leftover: &Path) -> Result<PathBuf, Failure> {
+    let failed = |error: &dyn Display| Failure::file("rename", leftover, error);
+    let name = leftover.file_name().unwrap_or_default().to_string_lossy();
+    let name = name.split(PARTIAL).next().unwrap_or("run");
+    let numbers = std::iter::once(String::new()).chain((2..10_000).map(|number| format!("-{number}")));
+    let mut names = numbers.map(|number| leftover.with_file_name(format!("{name}-recovered{number}")));
+    let target = names.find(|path| fs::symlink_metadata(path).is_err());
+    let target = target.ok_or_else(|| failed(&"every name is taken"))?;
+    fs::rename(leftover, &target).map_err(|error| failed(&error))?;
+    // A visible name for the probes; on failure they keep their hidden name.
+    if fs::symlink_metadata(target.join("probes")).is_err() {
+        let _ = fs::rename(target.join(PROBES), target.join("probes"));
+    }
+    // The folder is no leftover any more; if this fails, only its marker remains.
+    let _ = fs::remove_file(target.join(MARKER));
+    Ok(target)
 }
 
 impl Drop for RunFolder {
