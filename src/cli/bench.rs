@@ -4,8 +4,8 @@ mod cost_report;
 
 use super::import::number;
 use super::placing::{Force, Output};
+use super::progress::Progress;
 use super::result::show;
-use super::run::progress_bar;
 use super::{Failure, GraphArguments};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings {
     let mut plain = VirtualClock::of(plans);
     let mut plain_round = || plain.run_quantum(|_, _| {});
-    let progress = progress_bar(seconds);
+    let progress = Progress::of("measuring");
     let kinds = if plans.len() > 1 { 3 } else { 2 };
     let turn = Duration::from_secs_f64(seconds / f64::from(kinds * TURNS));
     // The first turn of the timed run sets the number of rounds of all turns.
@@ -83,7 +83,7 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings 
     let mut turns = Timings::default();
     for number in 0.. {
         let done_s = begun.elapsed().as_secs_f64();
-        progress.set_position((1000.0 * done_s) as u64);
+        progress.at(done_s / seconds);
         // By then each kind of run has had one turn.
         if number > 0 && done_s >= seconds {
             break;
@@ -103,7 +103,6 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Timings 
             turns.by_driver_s.push(took_s.collect());
         }
     }
-    progress.finish_and_clear();
     turns
 }
 

@@ -13,7 +13,7 @@ pub mod summary;
 
 use super::import::number;
 use super::placing::{self, Force, MARK, RunFolder, replaceable};
-use super::terminal::is_animated;
+use super::progress::Progress;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
@@ -21,7 +21,6 @@ use crate::engine::run::{ARRIVALS, FileSinks, Outcome, Probe, Session, SessionOp
 use crate::live::supervisor::CHANGES;
 use crate::report::plotted::PlottedSignals;
 use crate::report::sound::Sound;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use present::Present;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
@@ -308,12 +307,12 @@ pub fn offline_options(arguments: &Arguments, duration_s: f64, stop: &Arc<Atomic
 
 /// Runs with a progress bar; returns the outcome and the elapsed time, s.
 pub fn timed(file_sinks: FileSinks<'_>, options: &SessionOptions) -> Result<(Outcome, f64), Failure> {
-    let bar = progress_bar(options.seconds.unwrap_or(DURATION_S));
+    let duration_s = options.seconds.unwrap_or(DURATION_S);
+    let bar = Progress::of("running");
     let start = Instant::now();
-    let progress = &mut |done_s: f64| bar.set_position((done_s * 1e3) as u64);
+    let progress = &mut |done_s: f64| bar.at(done_s / duration_s);
     let outcome = Session::run_offline(file_sinks, options, progress).map_err(Failure::message)?;
     let took_s = start.elapsed().as_secs_f64();
-    bar.finish_and_clear();
     Ok((outcome, took_s))
 }
 
@@ -323,17 +322,4 @@ pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     stderr::start_queue(&stop)
         .map_err(|error| Failure::Message(format!("cannot start a thread: {error}")))?;
     Ok(stop)
-}
-
-/// A progress bar, visible on terminals only.
-pub fn progress_bar(duration_s: f64) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(
-        Some((duration_s * 1e3) as u64),
-        match is_animated() {
-            true => ProgressDrawTarget::stderr_with_hz(10),
-            false => ProgressDrawTarget::hidden(),
-        },
-    );
-    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left");
-    bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

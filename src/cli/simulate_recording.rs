@@ -2,7 +2,8 @@
 
 use super::import::number;
 use super::placing::{Force, Output};
-use super::run::{progress_bar, stop_on_interrupt};
+use super::progress::Progress;
+use super::run::stop_on_interrupt;
 use super::{Failure, eprint, print, print_json};
 use crate::engine::registry::Registry;
 use crate::learning::recording::{Gesture, save};
@@ -74,13 +75,13 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     };
     let output = Output::claim(&arguments.output, arguments.force)?;
     let stop = stop_on_interrupt()?;
-    let bar = progress_bar(take.seconds);
+    let bar = Progress::of("recording");
     let mut recorded_s = 0.0;
     let recording = record(&take, &stop, &mut |done_s| {
         recorded_s = done_s;
-        bar.set_position((done_s * 1e3) as u64);
+        bar.at(done_s / take.seconds);
     });
-    bar.finish_and_clear();
+    drop(bar);
     let recording = recording.map_err(|error| match error {
         RecordError::Graph(diagnostics) => Failure::Graph(diagnostics),
         _ if stop.load(Ordering::Relaxed) => Failure::Message(format!(

@@ -1,8 +1,9 @@
 //! `haptograph run --replay`: repeats a live run from the record of its driver callbacks.
 
 use super::super::Failure;
+use super::super::progress::Progress;
 use super::summary::Summary;
-use super::{Arguments, RunSetup, offline_options, progress_bar, stop_on_interrupt};
+use super::{Arguments, RunSetup, offline_options, stop_on_interrupt};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Session};
 use crate::live::supervisor::replay;
@@ -35,17 +36,17 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
     })?;
     let mut setup = RunSetup::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
-    let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
+    let (bar, duration_s) = (Progress::of("running"), facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
     let options = offline_options(arguments, 0.0, &stop);
     let run_folder = &mut setup.completion.folder;
     let outcome = Session::replay(setup.file_sinks, (folder, &bounds), &options, &mut |done_s| {
         // A log that is refused leaves nothing.
         run_folder.begin();
-        bar.set_position((done_s * 1e3) as u64)
+        bar.at(done_s / duration_s)
     });
     let outcome = outcome.map_err(Failure::message)?;
-    bar.finish_and_clear();
+    drop(bar);
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
     summary.add(vec![("replay", "Repeats", json!(folder.to_string_lossy()))], replay::differences(&facts));
     let sound = setup.completion.complete(arguments, &graph, summary)?;
