@@ -1,12 +1,8 @@
 //! The actuators of a graph, and the sound played by the page.
 
-use super::publish::Delivered;
-use super::scope::Port;
-use super::stage::Stage;
-use haptograph_engine::frame::Kind;
-use haptograph_engine::graph::{Graph, GraphDevice, Node};
-use haptograph_engine::node::Limit;
-use haptograph_signal::quantity::Quantity;
+use super::scope::Scope;
+use haptograph_engine::graph::{Graph, GraphDevice};
+use serde_json::{Value, json};
 
 /// An actuator with the values delivered to it.
 #[derive(Debug)]
@@ -23,8 +19,45 @@ pub struct Actuator {
     pub delivered: Delivered,
 }
 
+/// Values delivered to an actuator since the last status.
+#[derive(Debug, Clone, Default)]
+pub struct Delivered {
+    square: f64,
+    count: u64,
+    peak: f64,
+    peak_ever: f64,
+    /// Weighted mean square, as in the thermal limit.
+    heat: f64,
+}
+
+impl Delivered {
+    /// Adds frames of an actuator with the thermal window `window_s`.
+    pub fn take(&mut self, scope: &Scope, window_s: f64) {
+        let part = 1.0 / (window_s * scope.port.rate_hz);
+        for frame in scope.fresh().chunks_exact(scope.lanes()) {
+            let square: f64 = frame.iter().map(|x| x * x).sum();
+            self.square += square;
+            self.count += 1;
+            self.peak = self.peak.max(square.sqrt());
+            self.heat += (square - self.heat) * part;
+        }
+        self.peak_ever = self.peak_ever.max(self.peak);
+    }
+
+    /// The status, and the start of the next.
+    pub fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
+        let rms = (self.square / self.count.max(1) as f64).sqrt();
+        let status = json!({
+            "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
+            "heat": self.heat / (continuous * continuous), "simulated": !is_real, "armed": is_real && is_armed,
+        });
+        (self.square, self.count, self.peak) = (0.0, 0, 0.0);
+        status
+    }
+}
+
 /// True for a device that is neither simulated nor the page's.
-fn is_real(device: &GraphDevice) -> bool {
+pub fn is_real(device: &GraphDevice) -> bool {
     !device.entry.spec.simulated && !device.entry.is_host()
 }
 
@@ -40,43 +73,4 @@ pub struct Sound {
     pub port: String,
     pub peak: f64,
     pub rate_hz: f64,
-}
-
-impl Stage {
-    /// Finds the actuators and the sound of the graph.
-    pub fn describe_actuators(&mut self) {
-        let graph = &self.loaded.graph;
-        let known: Vec<Actuator> = std::mem::take(&mut self.signals.actuators);
-        let delivered = |sink: &str| {
-            self.signals.scopes.iter().find(|scope| scope.port.name == format!("{sink}.delivered"))
-        };
-        let actuator = |(sink, device, limit): (&Node, &GraphDevice, Limit)| {
-            let port = &delivered(&sink.path)?.port;
-            let before = known.iter().find(|known| known.name == sink.path);
-            Some(Actuator {
-                name: sink.path.clone(),
-                endpoint: device.name.clone(),
-                is_real: is_real(device),
-                unit: port.quantity.unit(),
-                peak: limit.peak,
-                continuous: limit.continuous,
-                window_s: limit.window_s,
-                rate_hz: port.rate_hz,
-                delivered: before.map(|known| known.delivered.clone()).unwrap_or_default(),
-            })
-        };
-        self.signals.actuators = graph.actuators().filter_map(actuator).collect();
-        let is_coil = |port: &Port| {
-            port.kind == Kind::SCALAR && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
-        };
-        let played = self.signals.actuators.iter().find_map(|actuator| {
-            let port = &delivered(&actuator.name)?.port;
-            is_coil(port).then(|| Sound {
-                port: port.name.clone(),
-                peak: actuator.peak,
-                rate_hz: port.rate_hz,
-            })
-        });
-        self.signals.sound = played;
-    }
 }

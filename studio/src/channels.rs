@@ -1,6 +1,6 @@
 //! Endpoints that a pointer can represent, and the values of their channels: one table.
 
-use super::wire::Pointer;
+use super::pointer::Pointer;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_nodes::simulated::ground::Ground;

@@ -1,8 +1,8 @@
 //! Safety envelope: the actuators, limits and devices of a graph in all of its sets of endpoints, which no
 //! edit from a page may exceed.
 
+use super::error::StageError;
 use super::load::Source;
-use super::stage::{Stage, StageError};
 use haptograph_engine::diagnostic::{Diagnostics, Severity};
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{DeclaredDevice, Hosted, check, declared_devices};
@@ -72,32 +72,8 @@ pub struct Proposal {
     pub number: u64,
     /// The ways in which it exceeds the envelope, one sentence each.
     pub beyond: Vec<String>,
-    source: Source,
-    text: String,
-}
-
-impl Stage {
-    /// Keeps a refused edit, for confirmation at the terminal.
-    pub fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
-        self.permitted.proposals += 1;
-        self.permitted.proposal = Some(Proposal { number: self.permitted.proposals, beyond, source, text });
-    }
-
-    /// Confirms the limits and devices of the latest proposal, if it has this number. The page has to ask for it again.
-    ///
-    /// # Errors
-    /// [`StageError`] if another edit was proposed since, or none was.
-    pub fn confirm(&mut self, number: u64) -> Result<(), StageError> {
-        let Some(proposal) = self.permitted.proposal.take_if(|proposal| proposal.number == number) else {
-            let why = match &self.permitted.proposal {
-                Some(latest) => format!("edit {number} was replaced by edit {}", latest.number),
-                None => format!("there is no edit {number} to confirm"),
-            };
-            return Err(StageError::Other(why));
-        };
-        self.permitted.confirmed = Some(Arc::new(Confirmed::of(&proposal.source, &proposal.text)?));
-        Ok(())
-    }
+    pub source: Source,
+    pub text: String,
 }
 
 fn within(envelope: &SafetyEnvelope, source: &Source, text: &str) -> Result<(), StageError> {

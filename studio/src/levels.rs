@@ -1,13 +1,11 @@
 //! Live values of the drawing: the level of every port, the cost of each node, and the places where limits
 //! acted or NaN appeared.
 
-use super::publish::text;
 use super::scope::Port;
-use super::stage::Stage;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::Session;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Weight of a new value in the mean cost; messages come ten times per second.
@@ -49,7 +47,7 @@ impl Level {
 
     /// RMS and peak since the last snapshot, or the previous values if a slow port had no frame since; `None`
     /// after a long time without frames.
-    fn snapshot(&mut self) -> Option<[f64; 2]> {
+    pub fn snapshot(&mut self) -> Option<[f64; 2]> {
         self.idle = if self.count > 0 { 0 } else { self.idle + 1 };
         if self.count > 0 {
             self.latest = [(self.square / self.count as f64).sqrt(), self.peak.sqrt()];
@@ -78,7 +76,7 @@ pub struct Costs {
 
 impl Costs {
     /// Updates from the session; returns each node's share of the total.
-    fn update(&mut self, session: &Session, graph: &Graph) -> BTreeMap<String, f64> {
+    pub fn update(&mut self, session: &Session, graph: &Graph) -> BTreeMap<String, f64> {
         let nodes = graph.nodes();
         let paths = session.node_costs().into_iter();
         self.take(paths.map(|(node, ns)| (nodes[node].path.clone(), ns)).collect())
@@ -99,48 +97,8 @@ impl Costs {
     }
 }
 
-/// Sends the levels to pages that display the drawing; free of cost if there are none.
-pub fn send(stage: &mut Stage) {
-    if !stage.pages.list.iter().any(|page| page.sees_levels) {
-        return;
-    }
-    let message = text(&message(stage));
-    let pages = stage.pages.list.iter_mut().filter(|page| page.sees_levels);
-    pages.for_each(|page| page.send(message.clone()));
-}
-
-fn message(stage: &mut Stage) -> Value {
-    let (mut ports, mut not_finite) = (Map::new(), Map::new());
-    for scope in &mut stage.signals.scopes {
-        if let Some(level) = scope.level.snapshot() {
-            ports.insert(scope.port.name.clone(), json!(level.map(short)));
-        }
-        if scope.level.not_finite > 0 {
-            not_finite.insert(scope.port.name.clone(), json!(scope.level.not_finite));
-        }
-    }
-    let mut limits = Map::new();
-    for actuator in stage.session.iter().flat_map(Session::actuator_levels) {
-        let clipped = actuator.clipped;
-        let ticks = json!({
-            "ticks": clipped.ticks, "peak": clipped.peak, "continuous": clipped.continuous, "slew": clipped.slew,
-            "fault": clipped.fault,
-        });
-        limits.insert(actuator.path, ticks);
-    }
-    let costs = stage.session.as_ref().map(|session| {
-        let parts = stage.signals.costs.update(session, &stage.loaded.graph).into_iter();
-        parts.map(|(path, part)| (path, json!(short(part)))).collect::<Map<_, _>>()
-    });
-    let origin = stage.drive.as_ref().and_then(|drive| drive.pace.origin());
-    json!({
-        "type": "levels", "ports": ports, "not_finite": not_finite, "origin": origin, "limits": limits,
-        "costs": costs.filter(|costs| !costs.is_empty()),
-    })
-}
-
 /// Rounds a number to few digits, so that it is short as text.
-fn short(value: f64) -> f64 {
+pub fn short(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return 0.0;
     }

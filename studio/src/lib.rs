@@ -10,13 +10,14 @@
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 mod actuators;
-mod arming;
 mod channels;
 mod describe;
 mod devices;
 mod drive;
 mod envelope;
+mod error;
 mod fed;
+mod frames;
 mod learn;
 mod levels;
 mod load;
@@ -26,6 +27,7 @@ mod pads;
 pub mod page;
 mod page_clock;
 mod pages;
+mod pointer;
 mod publish;
 mod record;
 mod replay;
@@ -33,7 +35,6 @@ mod run_cycle;
 mod run_page;
 mod scope;
 mod stage;
-mod swap;
 mod talk;
 mod wire;
 

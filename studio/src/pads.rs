@@ -1,7 +1,7 @@
 //! Pads: pointers as the endpoints of a graph.
 
 use super::channels::{Gives, PadSpec, Touch};
-use super::wire::Pointer;
+use super::pointer::Pointer;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::host::{AnyInput, HostError};
 use haptograph_nodes::simulated::touchable::Touchable;

@@ -1,11 +1,12 @@
 //! The engine in a page: [`Engine`] for its audio thread, and [`Checker`] for edits, in a worker.
 
 use super::describe;
+use super::error::StageError;
 use super::learn;
 use super::load::Source;
 use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
-use super::stage::{Host, Stage, StageError};
+use super::stage::{Host, Stage};
 use super::talk::{self, Response, Work};
 use super::wire::{self, ClientMessage};
 use haptograph_engine::registry::Registry;
@@ -109,7 +110,7 @@ impl Engine {
             Response::Work { request, work } => self.work(request, work),
             Response::Learn { request, .. } => talk::reply(request, Err(elsewhere())),
         };
-        self.say(super::publish::text(&answer));
+        self.say(wire::text(&answer));
     }
 
     fn work(&mut self, request: u64, work: Work) -> Value {
@@ -208,7 +209,7 @@ impl Checker {
             }
             _ => return None,
         };
-        Some(super::publish::text(&answer))
+        Some(wire::text(&answer))
     }
 
     /// The file for a new surface of this name, beside the others of the graph, and its path as a parameter; `None` if a

@@ -1,9 +1,7 @@
 //! The pages connected to a stage.
 
 use super::page_clock::PageClock;
-use super::publish::text;
-use super::stage::Stage;
-use super::wire::{MAX_SCOPES, Message, ScopeRequest};
+use super::wire::{Message, ScopeRequest};
 
 /// Channel for the messages to a page.
 pub trait Line: Send {
@@ -56,62 +54,15 @@ pub struct Pages {
     pub next: u64,
 }
 
-impl Stage {
-    /// Adds a page; the first one becomes the owner.
-    pub fn join(&mut self, line: Box<dyn Line>, reach: Reach) -> u64 {
-        let id = self.pages.next;
-        self.pages.next += 1;
-        self.pages.list.push(Page {
-            id,
-            reach,
-            line,
-            wanted: Vec::new(),
-            hears: false,
-            sees_levels: false,
-            lost: 0,
-            is_gone: false,
-            clock: PageClock::default(),
-        });
-        self.pages.owner.get_or_insert(id);
-        id
-    }
-
-    /// Removes a page. Its inputs fall silent by their timeout.
-    pub fn leave(&mut self, page: u64) {
-        self.pages.list.retain(|known| known.id != page);
-        if self.pages.owner == Some(page) {
-            self.disarm();
-            // A page of the network could not resume the run.
-            let of_machine = self.pages.list.iter().find(|page| page.reach == Reach::Machine);
-            self.pages.owner = of_machine.or(self.pages.list.first()).map(|page| page.id);
-        }
-    }
-
-    /// Makes another page the owner. Actuators that the previous owner armed are disarmed.
-    pub fn give_to(&mut self, page: u64) {
-        if self.pages.owner.replace(page) != Some(page) {
-            self.disarm();
-        }
-    }
-
-    /// Sends a message to the owner.
-    pub fn tell_owner(&mut self, value: &serde_json::Value) {
-        let owner = self.pages.owner;
-        if let Some(page) = self.pages.list.iter_mut().find(|page| Some(page.id) == owner) {
-            page.send(text(value));
-        }
-    }
-
-    /// Sets the ports that a page displays.
-    pub fn scope(&mut self, page: u64, mut ports: Vec<ScopeRequest>) {
-        ports.truncate(MAX_SCOPES);
-        self.page_of(page, |page| page.wanted = ports);
-    }
-
-    /// Calls `work` with a page if it is still connected.
-    pub fn page_of(&mut self, page: u64, work: impl FnOnce(&mut Page)) {
-        if let Some(page) = self.pages.list.iter_mut().find(|known| known.id == page) {
-            work(page);
+impl Page {
+    /// Sends a message to a page that may not read. Lost samples are counted; if a text is lost, such as the new graph,
+    /// the page is disconnected and receives the full state when it reconnects.
+    pub fn send(&mut self, message: Message) {
+        let is_text = matches!(message, Message::Text(_));
+        match self.line.send(message) {
+            Ok(()) => {}
+            Err(LineError::Full) if !is_text => self.lost += 1,
+            Err(LineError::Full | LineError::Gone) => self.is_gone = true,
         }
     }
 }

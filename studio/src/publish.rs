@@ -1,12 +1,13 @@
 //! Messages to pages during a run: samples, sound and status.
 
-use super::levels;
-use super::pages::{LineError, Page};
-use super::scope::Scope;
-use super::stage::{Signals, Stage, State};
-use super::wire::{self, Message};
+use super::frames;
+use super::levels::short;
+use super::run_cycle::State;
+use super::stage::{Signals, Stage};
+use super::wire::{Message, text};
+use haptograph_engine::run::Session;
 use haptograph_engine::silence::InputState;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,42 +15,6 @@ use std::time::Duration;
 pub const STEP: Duration = Duration::from_millis(10);
 /// Number of periods between two status messages.
 const STATUS: u32 = 10;
-
-/// Values delivered to an actuator since the last status.
-#[derive(Debug, Clone, Default)]
-pub struct Delivered {
-    square: f64,
-    count: u64,
-    peak: f64,
-    peak_ever: f64,
-    /// Weighted mean square, as in the thermal limit.
-    heat: f64,
-}
-
-impl Delivered {
-    /// Adds frames of an actuator with the thermal window `window_s`.
-    pub fn take(&mut self, scope: &Scope, window_s: f64) {
-        let part = 1.0 / (window_s * scope.port.rate_hz);
-        for frame in scope.fresh().chunks_exact(scope.lanes()) {
-            let square: f64 = frame.iter().map(|x| x * x).sum();
-            self.square += square;
-            self.count += 1;
-            self.peak = self.peak.max(square.sqrt());
-            self.heat += (square - self.heat) * part;
-        }
-        self.peak_ever = self.peak_ever.max(self.peak);
-    }
-
-    fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
-        let rms = (self.square / self.count.max(1) as f64).sqrt();
-        let status = json!({
-            "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
-            "heat": self.heat / (continuous * continuous), "simulated": !is_real, "armed": is_real && is_armed,
-        });
-        (self.square, self.count, self.peak) = (0.0, 0, 0.0);
-        status
-    }
-}
 
 /// Sends new data to the pages.
 #[derive(Debug, Default)]
@@ -75,7 +40,7 @@ impl Publisher {
                 own["lost"] = json!(stage.pages.list[page].lost);
                 stage.pages.list[page].send(text(&own));
             }
-            levels::send(stage);
+            send_levels(stage);
             stage.append_recording();
             *self = Self::default();
         }
@@ -86,11 +51,6 @@ impl Publisher {
     }
 }
 
-/// A JSON value as a message.
-pub fn text(value: &Value) -> Message {
-    Message::Text(value.to_string())
-}
-
 /// Sends the data that the last [`Stage::look`] collected.
 pub fn send_samples(stage: &mut Stage) {
     let Stage { pages, signals, .. } = stage;
@@ -98,7 +58,7 @@ pub fn send_samples(stage: &mut Stage) {
     let sound = sound.as_ref().and_then(|sound| {
         let scope = scopes.iter().find(|scope| scope.port.name == sound.port)?;
         let values: Vec<f32> = scope.fresh().iter().map(|x| (x / sound.peak) as f32).collect();
-        (!values.is_empty()).then(|| wire::sound(scope.fresh_s(), &values))
+        (!values.is_empty()).then(|| frames::sound(scope.fresh_s(), &values))
     });
     for page in &mut pages.list {
         let wanted = std::mem::take(&mut page.wanted);
@@ -164,15 +124,42 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     })
 }
 
-impl Page {
-    /// Sends a message to a page that may not read. Lost samples are counted; if a text is lost, such as the new graph,
-    /// the page is disconnected and receives the full state when it reconnects.
-    pub fn send(&mut self, message: Message) {
-        let is_text = matches!(message, Message::Text(_));
-        match self.line.send(message) {
-            Ok(()) => {}
-            Err(LineError::Full) if !is_text => self.lost += 1,
-            Err(LineError::Full | LineError::Gone) => self.is_gone = true,
+/// Sends the levels to pages that display the drawing; free of cost if there are none.
+fn send_levels(stage: &mut Stage) {
+    if !stage.pages.list.iter().any(|page| page.sees_levels) {
+        return;
+    }
+    let message = text(&levels(stage));
+    let pages = stage.pages.list.iter_mut().filter(|page| page.sees_levels);
+    pages.for_each(|page| page.send(message.clone()));
+}
+
+fn levels(stage: &mut Stage) -> Value {
+    let (mut ports, mut not_finite) = (Map::new(), Map::new());
+    for scope in &mut stage.signals.scopes {
+        if let Some(level) = scope.level.snapshot() {
+            ports.insert(scope.port.name.clone(), json!(level.map(short)));
+        }
+        if scope.level.not_finite > 0 {
+            not_finite.insert(scope.port.name.clone(), json!(scope.level.not_finite));
         }
     }
+    let mut limits = Map::new();
+    for actuator in stage.session.iter().flat_map(Session::actuator_levels) {
+        let clipped = actuator.clipped;
+        let ticks = json!({
+            "ticks": clipped.ticks, "peak": clipped.peak, "continuous": clipped.continuous, "slew": clipped.slew,
+            "fault": clipped.fault,
+        });
+        limits.insert(actuator.path, ticks);
+    }
+    let costs = stage.session.as_ref().map(|session| {
+        let parts = stage.signals.costs.update(session, &stage.loaded.graph).into_iter();
+        parts.map(|(path, part)| (path, json!(short(part)))).collect::<Map<_, _>>()
+    });
+    let origin = stage.drive.as_ref().and_then(|drive| drive.pace.origin());
+    json!({
+        "type": "levels", "ports": ports, "not_finite": not_finite, "origin": origin, "limits": limits,
+        "costs": costs.filter(|costs| !costs.is_empty()),
+    })
 }

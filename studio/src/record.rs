@@ -5,20 +5,16 @@
 //! Pointer events are stored as integers, which any text format preserves.
 
 use super::load::Source;
-use super::run_cycle::NextRun;
+use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::run_page::PageSignals;
-use super::stage::{Stage, StageError};
-use super::wire::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use haptograph_signal::files;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use std::borrow::Cow;
 use std::fs::File;
 #[cfg(not(target_family = "wasm"))]
 use std::io::BufReader;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// File in a run's folder with the recording.
 pub const STROKES: &str = "strokes.json";
@@ -27,8 +23,6 @@ pub const APPENDED: &str = "strokes.part";
 /// Maximum length of such a line, bytes: a graph's text as JSON.
 #[cfg(not(target_family = "wasm"))]
 const MAX_LINE_BYTES: usize = 6 * files::MAX_GRAPH_BYTES as usize;
-/// Maximum number of folders with one name.
-const MAX_FOLDERS: usize = 10_000;
 /// Version of the format.
 pub const FORMAT: u32 = 1;
 /// Maximum number of events: more than half an hour of a pen.
@@ -151,7 +145,7 @@ pub struct Appended {
 
 impl Appended {
     /// Creates the file in a folder.
-    fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
+    pub fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
         let file = File::create_new(folder.join(APPENDED))?;
         file.try_lock().map_err(io::Error::from)?;
         let mut appended = Self { file, length: 0, frames: 0, moves: 0, settings: 0 };
@@ -169,7 +163,7 @@ impl Appended {
         Ok(())
     }
 
-    fn append(&mut self, recording: &Recording, frames: u64) -> io::Result<()> {
+    pub fn append(&mut self, recording: &Recording, frames: u64) -> io::Result<()> {
         let is_idle = (self.moves, self.settings) == (recording.moves.len(), recording.settings.len());
         if is_idle && (frames.saturating_sub(self.frames) as f64) < APPEND_S * recording.rate_hz {
             return Ok(());
@@ -315,111 +309,4 @@ pub struct Recorder {
     pub signals: Option<PageSignals>,
     /// Error of writing that page.
     pub page_error: Option<String>,
-}
-
-impl Stage {
-    /// Starts or ends a recording; either restarts the run.
-    ///
-    /// # Errors
-    /// [`StageError`] after a STOP, which no recording ends.
-    pub fn record(&mut self, on: bool) -> Result<(), StageError> {
-        self.refuse_after_stop(if on { "record" } else { "end the recording" })?;
-        if on != self.records() {
-            self.close_recording();
-            let next = if on { NextRun::Record } else { NextRun::Live };
-            // The thread that serves the pages ends the run and writes its report, so that one arena of the system's allocator
-            // keeps what that takes, and not one for each thread that hears a message.
-            self.restart_within(Duration::ZERO, next);
-        }
-        Ok(())
-    }
-
-    /// True if a recording goes on, or begins once the run has fallen to zero.
-    pub fn records(&self) -> bool {
-        match self.cycle.is_stopping {
-            true => matches!(self.cycle.next_run, NextRun::Record),
-            false => self.recorder.recording.is_some(),
-        }
-    }
-
-    /// Ends the recording at the present frame.
-    pub fn close_recording(&mut self) {
-        if let (Some(recording), Some(drive)) = (&mut self.recorder.recording, &self.drive) {
-            recording.frames = drive.between_frames(|frame| frame);
-        }
-    }
-
-    /// Begins to record a run, whose folder keeps what is recorded.
-    pub fn begin_recording(&mut self) {
-        let mut recording = Recording::begin(&self.source, &self.loaded.text, self.signals.rate_hz);
-        if self.host.is_driven_by_caller {
-            // A page's audio thread records without allocating. Elsewhere 32 MB that are freed after each recording would
-            // let the system's allocator keep as much for each thread.
-            recording.moves.reserve(MAX_EVENTS);
-        }
-        let folder = self.recorder.folder.as_deref();
-        // The complete recording would meet the same error, and states it.
-        self.recorder.appended = folder.and_then(|folder| Appended::begin(folder, &recording).ok());
-        self.recorder.recording = Some(recording);
-    }
-
-    /// Appends what was recorded since the last call to the file of the run.
-    pub fn append_recording(&mut self) {
-        let (Some(recording), Some(drive)) = (&self.recorder.recording, &self.drive) else {
-            return;
-        };
-        let frames = drive.pace.frames();
-        if let Some(appended) = &mut self.recorder.appended {
-            // What could not be written, as on a full disk, is written with the next part.
-            let _ = appended.append(recording, frames);
-        }
-    }
-
-    /// Saves a recording if there is a folder for it, and sends it to the page that made it.
-    pub fn deliver_recording(&mut self, recording: &Recording) {
-        let page_error = self.recorder.page_error.take();
-        let written = self.recorder.folder.take().map(|folder| {
-            let path = folder.join(STROKES);
-            let text = serde_json::to_vec(recording).map_err(io::Error::other);
-            text.and_then(|text| files::write_atomically(&path, &text))?;
-            // It is whole without it.
-            let _ = std::fs::remove_file(folder.join(APPENDED));
-            Ok::<_, io::Error>(folder)
-        });
-        self.recorder.appended = None;
-        let (saved, error) = match written {
-            None => (None, None),
-            Some(Ok(folder)) => {
-                let error =
-                    page_error.map(|error| format!("the page about the recording is not on disk: {error}"));
-                (Some(folder), error)
-            }
-            Some(Err(error)) => (None, Some(format!("the recording is not on disk: {error}"))),
-        };
-        let report = saved.as_ref().filter(|_| error.is_none());
-        let report = report.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()));
-        self.tell_owner(&json!({
-            "type": "recording", "name": format!("{}-{STROKES}", recording.graph), "seconds": recording.seconds(),
-            "saved": saved.map(|folder| folder.display().to_string()), "report": report, "error": error,
-            "recording": recording,
-        }));
-    }
-
-    /// Creates a folder with this name and a number, where runs are stored.
-    pub fn new_folder(&mut self, name: &str) -> io::Result<Option<PathBuf>> {
-        let Some(out) = &self.recorder.out else { return Ok(None) };
-        std::fs::create_dir_all(out)?;
-        for number in 1..MAX_FOLDERS {
-            let folder = out.join(format!("{name}-{number}"));
-            match std::fs::create_dir(&folder) {
-                Ok(()) => {
-                    self.recorder.made.push(folder.clone());
-                    return Ok(Some(folder));
-                }
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Err(io::Error::other(format!("there are ten thousand folders of `{name}`: remove some")))
-    }
 }

@@ -1,5 +1,6 @@
 //! Scopes: the frames of a port for display.
 
+use super::frames;
 use super::levels::Level;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Graph, Output};
@@ -198,12 +199,11 @@ impl Scope {
             let at_s = self.begin_s.unwrap_or(0.0) + self.thinned_from as f64 * interval_s;
             let times = (at_s, interval_s * self.thinning.group as f64);
             let pairs = &self.thinning.pairs;
-            return (!pairs.is_empty())
-                .then(|| super::wire::samples(place, self.lanes(), true, times, pairs));
+            return (!pairs.is_empty()).then(|| frames::samples(place, self.lanes(), true, times, pairs));
         }
         let values: Vec<f32> = self.fresh.iter().map(|value| *value as f32).collect();
         let times = (self.fresh_s(), interval_s);
-        (!values.is_empty()).then(|| super::wire::samples(place, self.lanes(), false, times, &values))
+        (!values.is_empty()).then(|| frames::samples(place, self.lanes(), false, times, &values))
     }
 }
 

@@ -1,33 +1,31 @@
 //! A running graph with its connected pages, and the actions that these may take.
 
+mod actuators;
+mod arming;
+mod envelope;
+mod pages;
+mod record;
+mod replay;
+mod run_cycle;
+mod swap;
+
 use super::actuators::{Actuator, Sound};
 use super::devices::Devices;
 use super::drive::Drive;
 use super::envelope::Permitted;
+use super::error::{StageError, other};
 use super::levels::Costs;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
 use super::pages::Pages;
+use super::pointer::Pointer;
 use super::record::{Move, Recorder, Recording};
-use super::run_cycle::RunCycle;
+use super::run_cycle::{RunCycle, State};
 use super::scope::Scope;
-use super::wire::Pointer;
-use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::run::Session;
 use haptograph_live::BackendEvent;
 use serde_json::{Value, json};
 use std::time::Duration;
-
-/// State of the run.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum State {
-    Running,
-    /// Stopped by a page: actuators are at zero.
-    #[default]
-    Stopped,
-    /// A node panicked: actuators are at zero.
-    Failed,
-}
 
 /// Abilities of the host of an engine.
 #[derive(Debug, Clone, Copy)]
@@ -40,34 +38,6 @@ pub struct Host {
     pub can_learn: bool,
     /// Real devices, where the graph has them.
     pub can_drive: bool,
-}
-
-/// Error of an edit or a start.
-#[derive(Debug, thiserror::Error)]
-pub enum StageError {
-    /// The graph has errors.
-    #[error("the graph has errors")]
-    Graph(Diagnostics),
-    /// The graph exceeds the limits and devices of the file when the studio was opened, one sentence each.
-    #[error(
-        "nothing was changed: a page alone cannot raise limits, add actuators or change devices. Confirm this at the \
-         terminal of the studio, then repeat it here: {}",
-        .0.join("; ")
-    )]
-    Beyond(Vec<String>),
-    /// The graph cannot run or cannot be swapped in.
-    #[error("{0}")]
-    Other(String),
-}
-
-impl From<Diagnostics> for StageError {
-    fn from(wrong: Diagnostics) -> Self {
-        Self::Graph(wrong)
-    }
-}
-
-pub fn other(error: impl std::fmt::Display) -> StageError {
-    StageError::Other(error.to_string())
 }
 
 /// The running graph and its pages.

@@ -1,11 +1,13 @@
 //! Messages of a page and their answers, independent of the transport.
 
 use super::describe;
+use super::error::StageError;
 use super::load::{Loaded, Source};
 use super::pages::{Line, Reach};
-use super::publish::text;
-use super::stage::{Stage, StageError};
-use super::wire::{self, ClientMessage, Message, Pointer, WireError};
+use super::pointer::Pointer;
+use super::stage::Stage;
+use super::wire::text;
+use super::wire::{self, ClientMessage, Message, WireError};
 use haptograph_engine::diagnostic::{Diagnostics, to_json};
 use serde_json::{Value, json};
 use std::time::Duration;

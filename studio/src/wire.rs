@@ -1,7 +1,9 @@
 //! Messages of the page: parsing, with bounds.
 
+use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::record::Recording;
 use serde::Deserialize;
+use serde_json::Value;
 
 /// Version of the protocol.
 pub const VERSION: u32 = 1;
@@ -154,31 +156,6 @@ pub struct ScopeRequest {
     pub raw: bool,
 }
 
-/// A pointer event.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pointer {
-    /// Time by the clock of the page, s.
-    pub at_s: f64,
-    pub position_m: [f64; 2],
-    pub force_n: f64,
-    /// Tilt of the upper end to the right, and towards the person who holds it, degrees.
-    pub tilt_deg: [f64; 2],
-}
-
-impl Pointer {
-    /// Linear interpolation towards another pointer event.
-    pub fn towards(&self, to: &Self, part: f64) -> Self {
-        let between = |a: f64, b: f64| a + part * (b - a);
-        let both = |a: [f64; 2], b: [f64; 2]| [between(a[0], b[0]), between(a[1], b[1])];
-        Self {
-            at_s: between(self.at_s, to.at_s),
-            position_m: both(self.position_m, to.position_m),
-            force_n: between(self.force_n, to.force_n),
-            tilt_deg: both(self.tilt_deg, to.tilt_deg),
-        }
-    }
-}
-
 /// Reason why a message is rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
@@ -198,11 +175,6 @@ pub enum WireError {
     Pointer,
 }
 
-/// Bounds of a pointer.
-pub const MAX_M: f64 = 1.0;
-pub const MAX_N: f64 = 20.0;
-/// 0 for an upright pen, 90 for a horizontal one.
-pub const MAX_DEG: f64 = 90.0;
 const MAX_MM: f64 = MAX_M * 1e3;
 const HEAD: usize = 8;
 const POINTER: usize = 28;
@@ -292,31 +264,9 @@ fn pointer(bytes: &[u8]) -> Option<Pointer> {
     })
 }
 
-/// A message with samples of the port at a place of the page's list.
-pub fn samples(
-    place: usize,
-    lanes: usize,
-    thinned: bool,
-    (at_s, interval_s): (f64, f64),
-    values: &[f32],
-) -> Vec<u8> {
-    let width = lanes * if thinned { 2 } else { 1 };
-    let count = values.len() / width.max(1);
-    let mut bytes = vec![2, place as u8, lanes as u8, u8::from(thinned)];
-    bytes.extend((count as u32).to_le_bytes());
-    bytes.extend(at_s.to_le_bytes());
-    bytes.extend(interval_s.to_le_bytes());
-    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    bytes
-}
-
-/// A message with samples to play.
-pub fn sound(at_s: f64, values: &[f32]) -> Vec<u8> {
-    let mut bytes = vec![3, 0, 0, 0];
-    bytes.extend((values.len() as u32).to_le_bytes());
-    bytes.extend(at_s.to_le_bytes());
-    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    bytes
+/// A JSON value as a message.
+pub fn text(value: &Value) -> Message {
+    Message::Text(value.to_string())
 }
 
 #[cfg(test)]

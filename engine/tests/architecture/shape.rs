@@ -9,7 +9,7 @@ use std::fs;
 
 #[path = "exceptions.rs"]
 mod exceptions;
-use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS};
+use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
@@ -26,8 +26,10 @@ const BUDGETS: [(&str, usize, usize); 10] = [
     ("bindings", 3_450, 3_100),
 ];
 
-/// Largest number of lines of a function, of a macro, number of macros, and number of files in a circle of imports.
+/// Largest number of lines of a function, of fields of a type, of lines of a macro, of macros, and of files in a circle of
+/// imports.
 const FUNCTION_LINES: usize = 60;
+const FIELDS: usize = 12;
 const MACRO_LINES: usize = 40;
 const MACROS: usize = 18;
 const CIRCLE_FILES: usize = 3;
@@ -133,6 +135,41 @@ fn functions_fit_on_a_page() {
     assert!(read > 5_000, "{read} functions");
     let exceptions: Vec<&str> = LONG_FUNCTIONS.iter().map(|(function, _)| *function).collect();
     compare("functions of more than 60 lines", &long, &exceptions);
+}
+
+/// The number of fields of a struct by the text of its body.
+fn fields(body: &str) -> usize {
+    let (mut depth, mut count) = (0_usize, 0);
+    let mut chars = body.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '{' | '(' | '[' | '<' => depth += 1,
+            '}' | ')' | ']' | '>' => depth = depth.saturating_sub(1),
+            ':' if chars.next_if_eq(&':').is_none() => count += usize::from(depth == 1),
+            _ => {}
+        }
+    }
+    count
+}
+
+#[test]
+fn types_have_few_fields() {
+    let (mut wide, mut read) = (BTreeSet::new(), 0);
+    for (path, text) in sources() {
+        let code = code(&text);
+        for (at, _) in code.match_indices("struct ") {
+            let Some(open) = body(&code[at..]) else { continue };
+            read += 1;
+            let name: String = code[at + 7..].chars().take_while(|c| c.is_alphanumeric()).collect();
+            let body = &code[at + open..at + open + body_length(&code[at + open..])];
+            if fields(body) > FIELDS {
+                wide.insert(format!("{path}: {name}"));
+            }
+        }
+    }
+    assert!(read > 500, "{read} structs");
+    let exceptions: Vec<&str> = WIDE_TYPES.iter().map(|(name, _)| *name).collect();
+    compare("types of more than 12 fields", &wide, &exceptions);
 }
 
 #[test]

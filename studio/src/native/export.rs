@@ -3,9 +3,10 @@
 use super::assets::{ENGINE, PAGE};
 use super::server::StudioError;
 use crate::describe;
+use crate::error::StageError;
 use crate::load::Source;
 use crate::page;
-use crate::stage::{Stage, StageError};
+use crate::stage::Stage;
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files;
 use serde_json::{Value, json};

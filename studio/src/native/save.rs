@@ -1,7 +1,8 @@
 //! Saving the text of a graph.
 
 use super::lock;
-use crate::stage::{Stage, StageError};
+use crate::error::StageError;
+use crate::stage::Stage;
 use crate::talk;
 use haptograph_signal::files::write_atomically_by;
 use std::io::Write;

@@ -1,8 +1,11 @@
 //! Arming of real actuators, which receive zeros until the page that owns the graph arms them. The gate is part of the
 //! engine ([`ArmSwitch`](haptograph_engine::run::ArmSwitch)) and acts where the device is driven.
 
-use super::actuators::driven;
-use super::stage::{Stage, StageError, State};
+use super::super::actuators::driven;
+use super::super::drive::Drive;
+use super::super::error::StageError;
+use super::super::run_cycle::State;
+use super::Stage;
 use haptograph_engine::run::Session;
 use haptograph_engine::silence::InputState;
 use haptograph_live::soundcard::output_sinks;
@@ -26,7 +29,7 @@ impl Stage {
         if self.cycle.replay.is_some() {
             return refused("a replay is running; stop it first");
         }
-        if self.drive.as_ref().is_some_and(super::drive::Drive::is_waiting) {
+        if self.drive.as_ref().is_some_and(Drive::is_waiting) {
             return refused("the soundcard is not there; plug it in first");
         }
         self.devices.note = None;

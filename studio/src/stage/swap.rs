@@ -1,9 +1,10 @@
 //! The swap of the running graph for another.
 
-use super::actuators::driven;
-use super::load::{Loaded, Source};
-use super::scope::{self, Scope};
-use super::stage::{Stage, StageError, other};
+use super::super::actuators::driven;
+use super::super::error::{StageError, other};
+use super::super::load::{Loaded, Source};
+use super::super::scope::{self, Scope};
+use super::Stage;
 use haptograph_engine::graph::Graph;
 use haptograph_live::soundcard::card_requests;
 
