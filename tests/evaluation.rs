@@ -4,7 +4,7 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use haptograph::learning::evaluate::{
-    DifferenceTable, Evaluation, RecordingName, StudySettings, Take, evaluate,
+    DifferenceTable, Evaluation, RecordingName, Study, StudySettings, Take,
 };
 use haptograph::learning::learn::TextureMethod;
 use haptograph::learning::learn::texture::learn_texture;
@@ -57,7 +57,7 @@ fn bands(takes: &[Take]) -> Vec<f64> {
 fn study(takes: &[Take], texture: TextureMethod, seed: u64) -> Evaluation {
     let mut settings = StudySettings { texture, ..StudySettings::default() };
     settings.table.synthesis.seed = seed;
-    evaluate(takes, &settings, &|_| ()).unwrap()
+    Study::of(takes).unwrap().evaluate(&settings, &|_| ()).unwrap()
 }
 
 /// Materials whose own texture is the nearest of its row and of its column.

@@ -15,7 +15,7 @@ pub use roots::{Roots, noting_files, refused};
 use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
-pub use write::{TEMPORARY, is_temporary, write_atomically, write_atomically_by};
+pub use write::{TEMPORARY, copy_atomically, is_temporary, write_atomically, write_atomically_by};
 
 /// Largest number of names that are read from one folder: more than twice the chunks of the largest batch.
 pub const MAX_NAMES: usize = 500_000;

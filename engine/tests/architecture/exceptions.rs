@@ -3,7 +3,6 @@
 /// File and function of more than 60 lines, and why.
 pub const LONG_FUNCTIONS: &[(&str, &str)] = &[
     ("learning/src/recording/import.rs: fmt", "one match: a text for each finding"),
-    ("src/cli/bench/cost_report.rs: to_text", "to be split"),
     ("src/cli/run/live.rs: run_with", "to be split"),
 ];
 

@@ -3,8 +3,7 @@
 use super::document::Samples;
 use super::hex;
 use super::plan::{Batch, Job};
-use haptograph_signal::files;
-use haptograph_signal::files::write_atomically_by;
+use haptograph_signal::files::{self, write_atomically_by};
 use haptograph_surfaces::npy::Header;
 use haptograph_surfaces::npz::{begin, begin_array};
 use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};

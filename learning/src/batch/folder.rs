@@ -1,7 +1,6 @@
 //! The folder of a batch: one process at a time writes to it, and only files of its batch.
 
-use haptograph_signal::files;
-use haptograph_signal::files::TEMPORARY;
+use haptograph_signal::files::{self, TEMPORARY};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};

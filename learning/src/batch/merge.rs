@@ -4,8 +4,7 @@ use super::chunk::{file_name, verify};
 use super::folder::{Claim, FolderError};
 use super::manifest::{ChunkEntry, Manifest};
 use crate::parts::{PartsError, whole};
-use haptograph_signal::files;
-use haptograph_signal::files::write_atomically_by;
+use haptograph_signal::files::copy_atomically;
 use serde::Serialize;
 use std::fs;
 use std::io;
@@ -75,22 +74,22 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
 /// The manifest of a part.
 fn read(folder: &Path) -> Result<Manifest, MergeError> {
     let path = folder.to_owned();
-    let manifest = match Manifest::read(folder) {
-        Ok(manifest) => manifest,
-        Err(source) => return Err(MergeError::NoManifest { path, source }),
-    };
-    manifest.check().map_err(|why| MergeError::Manifest { path, why })?;
-    Ok(manifest)
+    match Manifest::read(folder) {
+        Ok(manifest) => match manifest.check() {
+            Ok(()) => Ok(manifest),
+            Err(why) => Err(MergeError::Manifest { path, why }),
+        },
+        Err(source) => Err(MergeError::NoManifest { path, source }),
+    }
 }
 
 /// Copies or links a chunk into the folder, unless it is already there, and verifies it.
 fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<(), MergeError> {
     let name = file_name(entry.chunk);
     let (source, target) = (from.join(&name), into.join(&name));
-    let is_whole = |path: &Path| match verify(path, identity, entry.chunk) {
-        Ok(hash) if hash == entry.sha256 => Ok(()),
-        Ok(_) => Err("its content does not match its manifest".to_owned()),
-        Err(why) => Err(why),
+    let is_whole = |path: &Path| match verify(path, identity, entry.chunk)? == entry.sha256 {
+        true => Ok(()),
+        false => Err("its content does not match its manifest".to_owned()),
     };
     if target.symlink_metadata().is_ok() && is_whole(&target).is_ok() {
         return Ok(());
@@ -100,13 +99,6 @@ fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<
     let _ = fs::remove_file(&target);
     // The target of a link, not the link.
     let linked = source.canonicalize().and_then(|file| fs::hard_link(file, &target));
-    let placed = linked.or_else(|_| copy(&source, &target));
-    placed.map_err(|error| MergeError::Io { path: target.clone(), source: error })?;
-    Ok(())
-}
-
-/// Copies the file if links are not supported.
-fn copy(from: &Path, to: &Path) -> io::Result<()> {
-    let mut source = files::open(from, u64::MAX)?;
-    write_atomically_by(to, |target| io::copy(&mut source, target).map(drop))
+    let placed = linked.or_else(|_| copy_atomically(&source, &target));
+    placed.map_err(|source| MergeError::Io { path: target, source })
 }

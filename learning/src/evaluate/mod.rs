@@ -29,6 +29,5 @@ pub use parts::{StudyHead, StudyPart, StudyPartError};
 pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{
     Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, TakeSource, conclude,
-    evaluate,
 };
 pub use tables::{DifferenceTable, Reference, References, TableError, TableSettings, TestSet};

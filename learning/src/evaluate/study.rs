@@ -172,18 +172,6 @@ impl std::fmt::Display for RecordingName {
     }
 }
 
-/// Evaluates a set of recordings on all cores. `progress` receives the fraction done.
-///
-/// # Errors
-/// As [`Study::of`], [`Study::compare`] and [`conclude`].
-pub fn evaluate(
-    takes: &[Take],
-    settings: &StudySettings,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Result<Evaluation, StudyError> {
-    Study::of(takes)?.evaluate(settings, progress)
-}
-
 /// The items of a study: the textures to learn and compare, numbered by material and person.
 #[derive(Debug)]
 pub struct Study<'t> {
@@ -446,6 +434,14 @@ mod tests {
             take: number.to_string(),
         };
         Take { name, recording: AnyRecording::Processed(recording) }
+    }
+
+    fn evaluate(
+        takes: &[Take],
+        settings: &StudySettings,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Evaluation, StudyError> {
+        Study::of(takes)?.evaluate(settings, progress)
     }
 
     fn settings() -> StudySettings {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::learning::tests::{drag, learned};
-use haptograph_learning::evaluate::{MapSettings, RecordingName, StudySettings, Take, evaluate};
+use haptograph_learning::evaluate::{MapSettings, RecordingName, Study, StudySettings, Take};
 use haptograph_surfaces::rendering::RandomWalk;
 
 #[test]
@@ -16,7 +16,7 @@ fn the_page_shows_both_tables_the_map_and_every_surface() {
     let walk = RandomWalk { seconds: 1.0, ..RandomWalk::default() };
     let settings =
         StudySettings { map: MapSettings { walk, ..MapSettings::default() }, ..StudySettings::default() };
-    let found = evaluate(&takes, &settings, &|_| ()).unwrap();
+    let found = Study::of(&takes).unwrap().evaluate(&settings, &|_| ()).unwrap();
     let page = page("A <study>", &found, &[learned("high", -0.5), learned("low", 1.7)]);
     for shown in [
         "A &lt;study&gt;",

@@ -50,6 +50,15 @@ pub fn write_atomically_by<T>(path: &Path, fill: impl FnOnce(&mut File) -> io::R
     moved
 }
 
+/// Copies a file of any length atomically.
+///
+/// # Errors
+/// As [`write_atomically`], and those of [`open`](super::open).
+pub fn copy_atomically(from: &Path, to: &Path) -> io::Result<()> {
+    let mut source = super::open(from, u64::MAX)?;
+    write_atomically_by(to, |target| io::copy(&mut source, target).map(drop))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

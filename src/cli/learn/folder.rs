@@ -72,7 +72,6 @@ pub fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
         )));
     }
     let import = given.import()?;
-    let settings = given.learning();
     let items = items(dir, given.folder.by.unwrap_or(By::File))?;
     let shard = given.folder.shard;
     let numbered = items.iter().zip(0_u64..);
@@ -87,32 +86,7 @@ pub fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
             dir.display()
         )));
     }
-    let stop = run::stop_on_interrupt()?;
-    let progress = Progress::of("learning");
-    let work = (parallel::cores(), items.len() as u64, None);
-    let path = |item: &Item| given.output.join(format!("{}.ron", item.name));
-    let find = |number: u64| {
-        let item = items[number as usize];
-        // An error of reading the files is one of learning, below.
-        let inputs = inputs(item, &import, &settings).ok();
-        let there = surface_files::load(&path(item)).ok();
-        let there = there.filter(|there| there.provenance.settings.get(INPUTS) == inputs.as_ref());
-        Ok(there.map(|there| Ok(LearnedSurface::of(item, &there))))
-    };
-    let compute = |number: u64| {
-        let item = items[number as usize];
-        // A panic fails only its own item.
-        let learned = catch_unwind(AssertUnwindSafe(|| {
-            learn_item(item, &path(item), given.force, (&import, &settings))
-        }));
-        Ok::<_, Infallible>(Some(match learned {
-            Ok(learned) => learned.map_err(|failure| failure.to_string()),
-            Err(_) => Err("haptograph panicked; the message is above".to_owned()),
-        }))
-    };
-    let Ok(outcomes) = parts::resume(work, (&|part| progress.at(part), &stop), find, compute);
-    drop(progress);
-    let learned = LearnedFolder::of(&items, outcomes, &given.output);
+    let learned = LearnedFolder::of(&items, pass(given, &items, &import)?, &given.output);
     if !given.json {
         learned.warn_of_narrow();
     }
@@ -136,6 +110,42 @@ pub fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
             "{failed} of {all} surfaces were not learned; repeat the command to retry them, the others are kept"
         ))),
     }
+}
+
+/// The surface of an item, or why there is none.
+type Learned<'a> = Result<LearnedSurface<'a>, String>;
+
+/// Learns the surfaces that are not there yet, until ctrl-C.
+fn pass<'a>(
+    given: &super::Arguments,
+    items: &[&'a Item],
+    import: &ImportSettings,
+) -> Result<Vec<Outcome<Learned<'a>>>, Failure> {
+    let (stop, settings) = (run::stop_on_interrupt()?, given.learning());
+    let progress = Progress::of("learning");
+    let path = |item: &Item| given.output.join(format!("{}.ron", item.name));
+    let find = |number: u64| {
+        let item = items[number as usize];
+        // An error of reading the files is one of learning, below.
+        let inputs = inputs(item, import, &settings).ok();
+        let there = inputs.and_then(|inputs| {
+            let there = surface_files::load(&path(item)).ok()?;
+            (there.provenance.settings.get(INPUTS) == Some(&inputs)).then_some(there)
+        });
+        Ok(there.map(|there| Ok(LearnedSurface::of(item, &there))))
+    };
+    let compute = |number: u64| {
+        let item = items[number as usize];
+        let learn = || learn_item(item, &path(item), given.force, (import, &settings));
+        // A panic fails only its own item.
+        Ok::<_, Infallible>(Some(match catch_unwind(AssertUnwindSafe(learn)) {
+            Ok(learned) => learned.map_err(|failure| failure.to_string()),
+            Err(_) => Err("haptograph panicked; the message is above".to_owned()),
+        }))
+    };
+    let work = (parallel::cores(), items.len() as u64, None);
+    let Ok(outcomes) = parts::resume(work, (&|part| progress.at(part), &stop), find, compute);
+    Ok(outcomes)
 }
 
 /// The hash of all that a surface depends on.
@@ -237,11 +247,7 @@ impl<'a> LearnedSurface<'a> {
 }
 
 impl<'a> LearnedFolder<'a> {
-    fn of(
-        items: &[&'a Item],
-        outcomes: Vec<Outcome<Result<LearnedSurface<'a>, String>>>,
-        folder: &'a Path,
-    ) -> Self {
+    fn of(items: &[&'a Item], outcomes: Vec<Outcome<Learned<'a>>>, folder: &'a Path) -> Self {
         let mut learned = Self { failed: vec![], kept: 0, surfaces: vec![], missing: 0, folder };
         for (item, outcome) in items.iter().zip(outcomes) {
             learned.kept += usize::from(matches!(outcome, Outcome::Kept(_)));

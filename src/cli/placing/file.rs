@@ -4,7 +4,7 @@
 use super::free_beside;
 use super::manifest::Manifest;
 use crate::cli::{Failure, eprint, folder_of, make_folder};
-use crate::signal::files::{self, write_atomically_by};
+use crate::signal::files::copy_atomically;
 use std::ffi::OsStr;
 use std::fmt::Display;
 use std::fs::{self, File};
@@ -121,7 +121,8 @@ fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
         (free.clone(), free)
     });
     let announced = change_list(&place, |list, name| list.announce(name, from));
-    let moved = move_file(from, &place);
+    // Across file systems a file is copied beside the target first.
+    let moved = fs::rename(from, &place).or_else(|_| copy_atomically(from, &place));
     // If this fails, the announcement stays, which holds for the old file and for the new one.
     let settled = change_list(&place, |list, name| {
         list.settle(name, moved.is_ok());
@@ -198,15 +199,6 @@ fn lock(folder: &Path) -> Option<File> {
         std::thread::sleep(Duration::from_millis(5));
     }
     None
-}
-
-/// Renames a file; across file systems it is copied beside the target first.
-fn move_file(from: &Path, to: &Path) -> io::Result<()> {
-    if fs::rename(from, to).is_ok() {
-        return Ok(());
-    }
-    let mut source = files::open(from, u64::MAX)?;
-    write_atomically_by(to, |target| io::copy(&mut source, target).map(drop))
 }
 
 #[cfg(test)]
