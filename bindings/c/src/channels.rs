@@ -18,7 +18,7 @@ const _: () = assert!(
 
 /// The tick at which a value written to an input takes effect.
 #[derive(Clone, Copy)]
-pub enum FrameTime {
+pub(crate) enum FrameTime {
     /// The next tick.
     Now,
     /// The first tick at or after this time of the run, s.
@@ -28,7 +28,7 @@ pub enum FrameTime {
 }
 
 /// Writes frames in order; returns the number written, and the error that stopped the rest. Real-time.
-pub fn write(input: &mut AnyInput, time: FrameTime, values: &[f64]) -> (usize, Result<(), Status>) {
+pub(crate) fn write(input: &mut AnyInput, time: FrameTime, values: &[f64]) -> (usize, Result<(), Status>) {
     let width = input.kind().width();
     if values.is_empty() || !values.len().is_multiple_of(width) {
         return (0, Err(Status::Shape));
@@ -49,7 +49,7 @@ pub fn write(input: &mut AnyInput, time: FrameTime, values: &[f64]) -> (usize, R
 }
 
 /// Fills `values` with frames, then with zeros; returns the number of frames. Real-time.
-pub fn read(output: &mut AnyOutput, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status> {
+pub(crate) fn read(output: &mut AnyOutput, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status> {
     let width = output.kind().width();
     if !values.len().is_multiple_of(width) {
         return Err(Status::Shape);
@@ -72,7 +72,7 @@ fn no_shape<R>(components: u32) -> Result<R, Failure> {
 }
 
 /// Opens an input of a graph whose frames have `components` components.
-pub fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInput, Failure> {
+pub(crate) fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInput, Failure> {
     Ok(match components {
         SCALAR => graph.input::<Scalar>(name)?.into_any(),
         VECTOR => graph.input::<Vector>(name)?.into_any(),
@@ -82,7 +82,7 @@ pub fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInput, Fai
 }
 
 /// Opens an output of a graph whose frames have `components` components.
-pub fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOutput, Failure> {
+pub(crate) fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOutput, Failure> {
     Ok(match components {
         SCALAR => graph.output::<Scalar>(name)?.into_any(),
         VECTOR => graph.output::<Vector>(name)?.into_any(),

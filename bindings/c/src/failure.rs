@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The error of a failed call.
 #[derive(Debug)]
-pub struct Failure {
+pub(crate) struct Failure {
     pub status: Status,
     /// Code of a graph's first error, such as `E0204`.
     code: String,
@@ -23,7 +23,7 @@ pub struct Failure {
 }
 
 impl Failure {
-    pub fn new(status: Status, message: impl Display) -> Self {
+    pub(crate) fn new(status: Status, message: impl Display) -> Self {
         let message = message.to_string();
         Self { status, code: String::new(), rendered: message.clone(), message }
     }
@@ -95,7 +95,7 @@ impl From<ControlError> for Status {
 }
 
 /// The meaning of a status, for calls that do not change the last error.
-pub fn text(status: Status) -> &'static CStr {
+pub(crate) fn text(status: Status) -> &'static CStr {
     match status {
         Status::Ok => c"no error",
         Status::Graph => c"the graph has errors",
@@ -127,14 +127,14 @@ thread_local! {
 
 /// A field of the last error.
 #[derive(Clone, Copy)]
-pub enum ErrorField {
+pub(crate) enum ErrorField {
     Code,
     Message,
     Rendered,
 }
 
 /// A pointer into the thread's last error, valid until its next failed call; to an empty text if no call failed.
-pub fn last(field: ErrorField) -> *const std::ffi::c_char {
+pub(crate) fn last(field: ErrorField) -> *const std::ffi::c_char {
     let pointer = LAST.try_with(|last| {
         let last = last.borrow();
         match field {
@@ -159,7 +159,7 @@ fn store(failure: Failure) -> Status {
 }
 
 /// Converts every result of a call, panics included, to a status and the thread's last error.
-pub fn guard(work: impl FnOnce() -> Result<(), Failure>) -> Status {
+pub(crate) fn guard(work: impl FnOnce() -> Result<(), Failure>) -> Status {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(failure)) => store(failure),
@@ -168,7 +168,7 @@ pub fn guard(work: impl FnOnce() -> Result<(), Failure>) -> Status {
 }
 
 /// The same for real-time calls, which do not change the last error.
-pub fn guard_realtime(work: impl FnOnce() -> Result<(), Status>) -> Status {
+pub(crate) fn guard_realtime(work: impl FnOnce() -> Result<(), Status>) -> Status {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(status)) => status,

@@ -10,14 +10,14 @@ use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
 use std::path::Path;
 
 /// The source of a graph's text.
-pub enum Text<'a> {
+pub(crate) enum Text<'a> {
     File(&'a Path),
     /// A text, and a file name for it.
     Memory(&'a str, &'a Path),
 }
 
 /// The options of checking a graph.
-pub struct GraphRequest<'a> {
+pub(crate) struct GraphRequest<'a> {
     /// Parameters, each `name=value`.
     pub set: Vec<&'a str>,
     pub endpoints: Option<&'a str>,
@@ -52,7 +52,7 @@ impl GraphRequest<'_> {
 }
 
 /// Reads and checks a graph and returns its handle.
-pub fn open(text: &Text<'_>, request: &GraphRequest<'_>) -> Result<u64, Failure> {
+pub(crate) fn open(text: &Text<'_>, request: &GraphRequest<'_>) -> Result<u64, Failure> {
     let options = request.options()?;
     let document = match text {
         Text::File(path) => Document::load(path, &LoadOptions::default())?,
@@ -76,7 +76,7 @@ fn has_endpoints(graph: &Graph, names: &[&str]) -> Result<(), Failure> {
 }
 
 /// The warnings of a graph as printed on a terminal; empty if there are none.
-pub fn warnings(graph: &Graph) -> String {
+pub(crate) fn warnings(graph: &Graph) -> String {
     match graph.warnings() {
         [] => String::new(),
         warnings => render(&Diagnostics { sources: graph.sources().clone(), list: warnings.to_vec() }, false),
@@ -84,20 +84,20 @@ pub fn warnings(graph: &Graph) -> String {
 }
 
 /// The rate of its driver frames, Hz.
-pub fn rate_hz(graph: &Graph) -> f64 {
+pub(crate) fn rate_hz(graph: &Graph) -> f64 {
     let driver = graph.drivers().first().copied().unwrap_or_default();
     graph.clocks().get(driver).map_or(0.0, |clock| clock.rate.hz())
 }
 
 /// The channels that the caller feeds or reads.
 #[derive(Clone, Copy)]
-pub enum Direction {
+pub(crate) enum Direction {
     In,
     Out,
 }
 
 /// The channels of one direction, with full names.
-pub fn channels(graph: &Graph, direction: Direction) -> Vec<(String, Channel)> {
+pub(crate) fn channels(graph: &Graph, direction: Direction) -> Vec<(String, Channel)> {
     match direction {
         Direction::In => graph.host_inputs().collect(),
         Direction::Out => graph.host_outputs().collect(),

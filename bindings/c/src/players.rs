@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const MAX_FRAMES: usize = 1 << 25;
 
 /// The options of a run.
-pub struct PlayRequest<'a> {
+pub(crate) struct PlayRequest<'a> {
     pub rested: bool,
     pub folder: Option<PathBuf>,
     pub probes: Vec<&'a str>,
@@ -25,7 +25,7 @@ pub struct PlayRequest<'a> {
 }
 
 /// A run. Each half has its own lock.
-pub struct PlayerEntry {
+pub(crate) struct PlayerEntry {
     player: Mutex<Player>,
     session: Mutex<Session>,
     /// The state after the last call of `process`, readable from any thread.
@@ -35,14 +35,14 @@ pub struct PlayerEntry {
 }
 
 /// A live setting of a player.
-pub struct Setting {
+pub(crate) struct Setting {
     player: u64,
     node: NodeId,
     setting: SettingId,
 }
 
 /// Opens a player of a graph and returns its handle.
-pub fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failure> {
+pub(crate) fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failure> {
     if !request.seconds.is_finite() || request.seconds < 0.0 {
         let message = "`seconds` must be a finite duration of at least 0; 0 means no end";
         return Err(Failure::new(Status::Argument, message));
@@ -73,7 +73,7 @@ pub fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failure> {
 
 impl PlayerEntry {
     /// Runs the next frames. Real-time.
-    pub fn process(&self, frames: usize) -> Result<(), Status> {
+    pub(crate) fn process(&self, frames: usize) -> Result<(), Status> {
         if frames > MAX_FRAMES {
             return Err(Status::Argument);
         }
@@ -94,7 +94,7 @@ impl PlayerEntry {
     }
 
     /// The state after the last call of `process`. Real-time.
-    pub fn state(&self) -> State {
+    pub(crate) fn state(&self) -> State {
         [State::Running, State::Stopped, State::Finished]
             .into_iter()
             .find(|state| *state as u32 == self.state.load(Ordering::Relaxed))
@@ -102,12 +102,12 @@ impl PlayerEntry {
     }
 
     /// Driver frames run so far. Real-time.
-    pub fn frames(&self) -> u64 {
+    pub(crate) fn frames(&self) -> u64 {
         self.frames.load(Ordering::Relaxed)
     }
 
     /// Fades the outputs out from the next call of `process` on. Real-time.
-    pub fn stop(&self) {
+    pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
@@ -117,7 +117,7 @@ impl PlayerEntry {
     }
 
     /// Finds the live setting of this name.
-    pub fn setting(&self, player: u64, name: &str) -> Result<Setting, Failure> {
+    pub(crate) fn setting(&self, player: u64, name: &str) -> Result<Setting, Failure> {
         let session = try_lock(&self.session)?;
         let found = session.find_setting(name);
         let (node, setting) = found.map_err(|unknown| Failure::new(Status::Name, unknown))?;
@@ -125,7 +125,7 @@ impl PlayerEntry {
     }
 
     /// Sets a live setting by its name.
-    pub fn set(&self, name: &str, value: f64) -> Result<(), Failure> {
+    pub(crate) fn set(&self, name: &str, value: f64) -> Result<(), Failure> {
         let setting = self.setting(0, name)?;
         try_lock(&self.session)?
             .set(setting.node, setting.setting, value)
@@ -133,7 +133,7 @@ impl PlayerEntry {
     }
 
     /// Ends the run and completes its files.
-    pub fn finish(self) -> (Outcome, Result<(), Failure>) {
+    pub(crate) fn finish(self) -> (Outcome, Result<(), Failure>) {
         let player = self.player.into_inner().unwrap_or_else(PoisonError::into_inner);
         let session = self.session.into_inner().unwrap_or_else(PoisonError::into_inner);
         let done = session.finish(player);
@@ -156,7 +156,7 @@ impl PlayerEntry {
 
 impl Setting {
     /// Sets the value. Real-time.
-    pub fn set(&self, value: f64) -> Result<(), Status> {
+    pub(crate) fn set(&self, value: f64) -> Result<(), Status> {
         table::player(self.player, |player| {
             try_lock(&player.session)?.set(self.node, self.setting, value).map_err(Status::from)
         })

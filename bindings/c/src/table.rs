@@ -22,7 +22,7 @@ static TABLE: [OnceLock<Box<[Slot]>>; CHUNKS] = [const { OnceLock::new() }; CHUN
 static FREE: Mutex<FreeList> = Mutex::new(FreeList { slots: VecDeque::new(), chunks: 0 });
 
 /// The object of a handle.
-pub enum Entry {
+pub(crate) enum Entry {
     Graph(Box<Graph>),
     Input(Box<Mutex<AnyInput>>),
     Output(Box<Mutex<AnyOutput>>),
@@ -32,7 +32,7 @@ pub enum Entry {
 
 /// The type of an object.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum ObjectKind {
+pub(crate) enum ObjectKind {
     Graph,
     Input,
     Output,
@@ -75,7 +75,7 @@ fn split(handle: u64) -> (usize, u32) {
 }
 
 /// Stores an object and returns its handle; an error if the table is full. Not real-time.
-pub fn insert(entry: Entry) -> Result<u64, Status> {
+pub(crate) fn insert(entry: Entry) -> Result<u64, Status> {
     let number = {
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
         if free.slots.is_empty() {
@@ -113,7 +113,7 @@ fn grow(free: &mut FreeList) -> Result<(), Status> {
 }
 
 /// Removes an object of this type from the table, unless a thread is using it. Not real-time.
-pub fn take(handle: u64, kind: ObjectKind) -> Result<Entry, Status> {
+pub(crate) fn take(handle: u64, kind: ObjectKind) -> Result<Entry, Status> {
     let (number, generation) = split(handle);
     let slot = slot(number).ok_or(Status::Handle)?;
     let mut state = match slot.0.try_write() {
@@ -135,14 +135,17 @@ pub fn take(handle: u64, kind: ObjectKind) -> Result<Entry, Status> {
 }
 
 /// Frees an object of this type, unless a thread is using it. Not real-time.
-pub fn free(handle: u64, kind: ObjectKind) -> Result<(), Failure> {
+pub(crate) fn free(handle: u64, kind: ObjectKind) -> Result<(), Failure> {
     let entry = take(handle, kind)?;
     drop(entry);
     Ok(())
 }
 
 /// Calls `work` with the object of a handle. Real-time safe if `work` is.
-pub fn with<R, E: From<Status>>(handle: u64, work: impl FnOnce(&Entry) -> Result<R, E>) -> Result<R, E> {
+pub(crate) fn with<R, E: From<Status>>(
+    handle: u64,
+    work: impl FnOnce(&Entry) -> Result<R, E>,
+) -> Result<R, E> {
     let (number, generation) = split(handle);
     let slot = slot(number).ok_or(Status::Handle)?;
     let state = match slot.0.try_read() {
@@ -157,7 +160,10 @@ pub fn with<R, E: From<Status>>(handle: u64, work: impl FnOnce(&Entry) -> Result
 }
 
 /// The graph of a handle.
-pub fn graph<R, E: From<Status>>(handle: u64, work: impl FnOnce(&Graph) -> Result<R, E>) -> Result<R, E> {
+pub(crate) fn graph<R, E: From<Status>>(
+    handle: u64,
+    work: impl FnOnce(&Graph) -> Result<R, E>,
+) -> Result<R, E> {
     with(handle, |entry| match entry {
         Entry::Graph(graph) => work(graph),
         _ => Err(Status::Kind.into()),
@@ -165,7 +171,7 @@ pub fn graph<R, E: From<Status>>(handle: u64, work: impl FnOnce(&Graph) -> Resul
 }
 
 /// The player of a handle.
-pub fn player<R, E: From<Status>>(
+pub(crate) fn player<R, E: From<Status>>(
     handle: u64,
     work: impl FnOnce(&PlayerEntry) -> Result<R, E>,
 ) -> Result<R, E> {
@@ -176,7 +182,10 @@ pub fn player<R, E: From<Status>>(
 }
 
 /// The input of a handle, for this thread alone.
-pub fn input<R>(handle: u64, work: impl FnOnce(&mut AnyInput) -> Result<R, Status>) -> Result<R, Status> {
+pub(crate) fn input<R>(
+    handle: u64,
+    work: impl FnOnce(&mut AnyInput) -> Result<R, Status>,
+) -> Result<R, Status> {
     with(handle, |entry| match entry {
         Entry::Input(input) => work(&mut *try_lock(input)?),
         _ => Err(Status::Kind),
@@ -184,7 +193,10 @@ pub fn input<R>(handle: u64, work: impl FnOnce(&mut AnyInput) -> Result<R, Statu
 }
 
 /// The output of a handle, for this thread alone.
-pub fn output<R>(handle: u64, work: impl FnOnce(&mut AnyOutput) -> Result<R, Status>) -> Result<R, Status> {
+pub(crate) fn output<R>(
+    handle: u64,
+    work: impl FnOnce(&mut AnyOutput) -> Result<R, Status>,
+) -> Result<R, Status> {
     with(handle, |entry| match entry {
         Entry::Output(output) => work(&mut *try_lock(output)?),
         _ => Err(Status::Kind),
@@ -192,7 +204,7 @@ pub fn output<R>(handle: u64, work: impl FnOnce(&mut AnyOutput) -> Result<R, Sta
 }
 
 /// Locks a mutex if no other thread holds it.
-pub fn try_lock<T: ?Sized>(mutex: &Mutex<T>) -> Result<MutexGuard<'_, T>, Status> {
+pub(crate) fn try_lock<T: ?Sized>(mutex: &Mutex<T>) -> Result<MutexGuard<'_, T>, Status> {
     match mutex.try_lock() {
         Ok(state) => Ok(state),
         Err(TryLockError::WouldBlock) => Err(Status::Busy),

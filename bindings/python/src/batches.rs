@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Renders a plan, or a part of it, into a folder. Ctrl-C ends it; a later call continues there.
 #[pyfunction]
-pub fn batch<'py>(
+pub(crate) fn batch<'py>(
     py: Python<'py>,
     plan: PathBuf,
     folder: PathBuf,
@@ -41,7 +41,7 @@ pub fn batch<'py>(
 
 /// Merges parts into one folder; returns the numbers of chunks and jobs. Ctrl-C ends it; a later call continues there.
 #[pyfunction]
-pub fn merge(
+pub(crate) fn merge(
     py: Python<'_>,
     parts: Vec<PathBuf>,
     folder: PathBuf,

@@ -62,7 +62,7 @@ fn graph_error(errors: &Bound<'_, PyModule>, found: &Diagnostics) -> PyResult<Py
 }
 
 /// All diagnostics as dictionaries.
-pub fn diagnostics<'py>(py: Python<'py>, found: &Diagnostics) -> PyResult<Bound<'py, PyList>> {
+pub(crate) fn diagnostics<'py>(py: Python<'py>, found: &Diagnostics) -> PyResult<Bound<'py, PyList>> {
     let list = PyList::empty(py);
     for one in &found.list {
         let shown = PyDict::new(py);

@@ -29,7 +29,7 @@ pub struct Graph {
 
 /// Options of checking a graph.
 #[derive(FromPyObject, Clone)]
-pub struct Checking {
+pub(crate) struct Checking {
     #[pyo3(item)]
     set: Vec<(String, String)>,
     #[pyo3(item)]
@@ -40,7 +40,7 @@ pub struct Checking {
 
 /// Options of a run.
 #[derive(FromPyObject)]
-pub struct RunRequest<'py> {
+pub(crate) struct RunRequest<'py> {
     #[pyo3(item)]
     seconds: Option<f64>,
     #[pyo3(item)]

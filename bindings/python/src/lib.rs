@@ -1,6 +1,8 @@
 //! The native part of the Python package: arrays in, library calls on a separate thread, arrays out. The public classes
 //! and functions, with their documentation, are in `python/haptograph`.
 
+#![warn(unreachable_pub)]
+
 mod batches;
 mod errors;
 mod graphs;

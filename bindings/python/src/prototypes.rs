@@ -163,7 +163,7 @@ fn told(py: Python<'_>, error: &PyErr) -> (String, String) {
 }
 
 /// Checks a graph that may have nodes in Python. They are built on this thread.
-pub fn checked(
+pub(crate) fn checked(
     document: &Document,
     nodes: &[NodeEntry],
     options: &CheckOptions,
@@ -185,16 +185,16 @@ pub fn checked(
 
 /// The nodes of a graph that are in Python: path, class, and fault of each.
 #[derive(Clone, Default)]
-pub struct Scripts(Vec<(String, &'static str, Arc<Fault>)>);
+pub(crate) struct Scripts(Vec<(String, &'static str, Arc<Fault>)>);
 
 impl Scripts {
     /// True if a node raised an exception.
-    pub fn have_failed(&self) -> bool {
+    pub(crate) fn have_failed(&self) -> bool {
         self.0.iter().any(|(.., fault)| fault.has_failed())
     }
 
     /// The exception of the first node in the graph that raised one.
-    pub fn failure(&self, graph: &Graph) -> Option<Failure> {
+    pub(crate) fn failure(&self, graph: &Graph) -> Option<Failure> {
         let (path, _, error) =
             self.0.iter().find_map(|(path, class, fault)| Some((path, class, fault.take()?)))?;
         let node = graph.scripted_nodes().find(|node| node.path == *path)?;
@@ -206,14 +206,14 @@ impl Scripts {
     }
 
     /// Interrupts the nodes that are running.
-    pub fn interrupt(&self, py: Python<'_>) {
+    pub(crate) fn interrupt(&self, py: Python<'_>) {
         for (.., fault) in &self.0 {
             fault.interrupt(py);
         }
     }
 
     /// The classes of the nodes by their paths.
-    pub fn named<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    pub(crate) fn named<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let named = PyDict::new(py);
         for (path, class, _) in &self.0 {
             named.set_item(path, class)?;

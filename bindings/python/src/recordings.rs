@@ -28,7 +28,7 @@ pub struct Recording {
 
 /// Facts that a file does not state about itself.
 #[derive(FromPyObject)]
-pub struct Import {
+pub(crate) struct Import {
     #[pyo3(item)]
     columns: Vec<(String, String)>,
     #[pyo3(item)]
@@ -72,7 +72,7 @@ fn gesture(text: &str) -> Result<Gesture, Failure> {
 
 /// Reads a recording of one file, or of several that share a clock.
 #[pyfunction]
-pub fn read(py: Python<'_>, paths: Vec<PathBuf>, settings: Import) -> PyResult<Recording> {
+pub(crate) fn read(py: Python<'_>, paths: Vec<PathBuf>, settings: Import) -> PyResult<Recording> {
     let import = settings.settings().map_err(|failure| failure.raise(py))?;
     let gesture = settings.gesture.as_deref().map(gesture).transpose();
     let gesture = gesture.map_err(|failure| failure.raise(py))?;
@@ -92,7 +92,7 @@ pub fn read(py: Python<'_>, paths: Vec<PathBuf>, settings: Import) -> PyResult<R
 
 /// Arrays of a recording, all at one rate.
 #[derive(FromPyObject)]
-pub struct Arrays<'py> {
+pub(crate) struct Arrays<'py> {
     #[pyo3(item)]
     acceleration: PyReadonlyArray1<'py, f64>,
     #[pyo3(item)]
@@ -107,7 +107,12 @@ pub struct Arrays<'py> {
 
 /// A recording of arrays.
 #[pyfunction]
-pub fn recording(py: Python<'_>, arrays: Arrays<'_>, gesture: &str, source: &str) -> PyResult<Recording> {
+pub(crate) fn recording(
+    py: Python<'_>,
+    arrays: Arrays<'_>,
+    gesture: &str,
+    source: &str,
+) -> PyResult<Recording> {
     let mut acceleration_m_s2 = arrays.acceleration.as_array().to_vec();
     let found = library::remove_offset("acceleration", true, &mut acceleration_m_s2, arrays.rate);
     let signals = Signals {
@@ -227,7 +232,7 @@ impl Recording {
 }
 
 /// A signal over time as SVG.
-pub fn figure(
+pub(crate) fn figure(
     name: &str,
     (kind, quantity): (Kind, Quantity),
     rate_hz: f64,
@@ -246,7 +251,7 @@ pub fn figure(
 
 /// The plots of a signal of a run over time, each as SVG; none for kinds that cannot be plotted over time.
 #[pyfunction]
-pub fn figures(
+pub(crate) fn figures(
     name: &str,
     quantity: Option<&str>,
     rate: f64,

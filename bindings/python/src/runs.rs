@@ -25,15 +25,15 @@ const MAX_NUMBERS: f64 = 1e9;
 const USUAL_S: f64 = 10.0;
 
 /// Name, components, unit.
-pub type Channel = (String, usize, String);
+pub(crate) type Channel = (String, usize, String);
 
 /// A channel as a Python tuple.
-pub fn channel((name, channel): (String, haptograph::engine::device::Channel)) -> Channel {
+pub(crate) fn channel((name, channel): (String, haptograph::engine::device::Channel)) -> Channel {
     (name, channel.kind.width(), channel.quantity.unit())
 }
 
 /// The frames for a channel.
-pub struct Feed {
+pub(crate) struct Feed {
     pub name: String,
     lanes: Vec<f64>,
     width: usize,
@@ -42,20 +42,20 @@ pub struct Feed {
 }
 
 /// Options of a run.
-pub struct Wanted {
+pub(crate) struct Wanted {
     pub seconds: Option<f64>,
     pub probes: Option<Vec<String>>,
     pub folder: Option<PathBuf>,
 }
 
 /// The result of a run.
-pub struct Done {
+pub(crate) struct Done {
     pub signals: Vec<Signal>,
     pub outcome: Outcome,
 }
 
 /// A signal that was kept.
-pub struct Signal {
+pub(crate) struct Signal {
     name: String,
     kind: Kind,
     quantity: Quantity,
@@ -65,7 +65,7 @@ pub struct Signal {
 }
 
 impl Feed {
-    pub fn of((name, frames, constant): &(String, PyReadonlyArray2<'_, f64>, bool)) -> Self {
+    pub(crate) fn of((name, frames, constant): &(String, PyReadonlyArray2<'_, f64>, bool)) -> Self {
         let frames = frames.as_array();
         Self {
             name: name.clone(),
@@ -97,7 +97,7 @@ impl Signal {
         }
     }
 
-    pub fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    pub(crate) fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let width = self.kind.width();
         let frames = self.frames.len() / width;
         let shown = PyDict::new(py);
@@ -118,7 +118,7 @@ impl Signal {
 }
 
 /// Conversion of an outcome to Python.
-pub trait Told {
+pub(crate) trait Told {
     fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>>;
 }
 
@@ -162,7 +162,7 @@ impl FrameWriter for Kept {
 }
 
 /// Runs a graph; `feeds` feed its endpoints.
-pub fn run(
+pub(crate) fn run(
     (graph, scripts): (&Graph, &Scripts),
     feeds: &[Feed],
     wanted: &Wanted,
@@ -277,7 +277,7 @@ fn alone(
 }
 
 /// Takes all waiting frames.
-pub fn drain(output: &mut AnyOutput, frames: &mut Vec<f64>) {
+pub(crate) fn drain(output: &mut AnyOutput, frames: &mut Vec<f64>) {
     let width = output.kind().width();
     loop {
         let end = frames.len();

@@ -36,7 +36,7 @@ pub struct Surface {
 
 /// Options of learning.
 #[derive(FromPyObject)]
-pub struct Learning {
+pub(crate) struct Learning {
     #[pyo3(item)]
     method: String,
     #[pyo3(item)]
@@ -70,7 +70,7 @@ impl Learning {
 
 /// Learns a surface from recordings.
 #[pyfunction]
-pub fn learn(
+pub(crate) fn learn(
     py: Python<'_>,
     name: String,
     recordings: Vec<PyRef<'_, Recording>>,
@@ -273,14 +273,19 @@ impl Surface {
 
 /// Indices of the samples at which forces and speeds are read.
 #[pyfunction]
-pub fn update_samples(py: Python<'_>, rate: f64, update: f64, samples: usize) -> Bound<'_, PyArray1<i64>> {
+pub(crate) fn update_samples(
+    py: Python<'_>,
+    rate: f64,
+    update: f64,
+    samples: usize,
+) -> Bound<'_, PyArray1<i64>> {
     let places = haptograph::surfaces::rendering::update_samples(rate, update, samples);
     PyArray1::from_iter(py, places.map(|place| place as i64))
 }
 
 /// Resamples a vibration to a higher rate; returns `samples` samples.
 #[pyfunction]
-pub fn resample<'py>(
+pub(crate) fn resample<'py>(
     py: Python<'py>,
     values: PyReadonlyArray1<'py, f64>,
     own: f64,
@@ -300,7 +305,7 @@ pub fn resample<'py>(
 /// [`update_samples`].
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // those of the package's own function
-pub fn render(
+pub(crate) fn render(
     py: Python<'_>,
     surfaces: Vec<PyRef<'_, Surface>>,
     force: PyReadonlyArray2<'_, f64>,
@@ -343,7 +348,7 @@ pub fn render(
 
 /// Compares two vibrations, over the time that both cover.
 #[pyfunction]
-pub fn compare<'py>(
+pub(crate) fn compare<'py>(
     py: Python<'py>,
     a: PyReadonlyArray1<'_, f64>,
     b: PyReadonlyArray1<'_, f64>,

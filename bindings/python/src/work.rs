@@ -16,7 +16,7 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Progress and stop flag of a worker.
 #[derive(Clone, Default)]
-pub struct Progress {
+pub(crate) struct Progress {
     /// Set when the result is no longer needed.
     pub stop: Arc<AtomicBool>,
     done: Arc<AtomicU64>,
@@ -27,12 +27,12 @@ struct Stopped;
 
 impl Progress {
     /// Reports the fraction done, 0 to 1.
-    pub fn at(&self, part: f64) {
+    pub(crate) fn at(&self, part: f64) {
         self.done.store(part.to_bits(), Ordering::Relaxed);
     }
 
     /// Reports the fraction done, and returns whether to continue.
-    pub fn goes_on(&self, part: f64) -> ControlFlow<()> {
+    pub(crate) fn goes_on(&self, part: f64) -> ControlFlow<()> {
         self.at(part);
         match self.stop.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
@@ -41,7 +41,7 @@ impl Progress {
     }
 
     /// Reports the fraction done, for work that does not check `stop`: the work ends here once `stop` is set.
-    pub fn at_or_end(&self, part: f64) {
+    pub(crate) fn at_or_end(&self, part: f64) {
         if self.goes_on(part).is_break() {
             resume_unwind(Box::new(Stopped));
         }
@@ -50,7 +50,7 @@ impl Progress {
 
 /// Runs `work` on another thread, and calls `show` from time to time with the fraction done. At ctrl-C, or if `show`
 /// raises, `stop` is set and the call returns; with `waits` it waits for the work, so that written files are complete.
-pub fn apart<R: Send + 'static>(
+pub(crate) fn apart<R: Send + 'static>(
     py: Python<'_>,
     (show, waits): (Option<&Bound<'_, PyAny>>, bool),
     work: impl FnOnce(&Progress) -> Result<R, Failure> + Send + 'static,
@@ -59,7 +59,7 @@ pub fn apart<R: Send + 'static>(
 }
 
 /// Runs work like [`apart`]; also interrupts its nodes in Python.
-pub fn apart_with<R: Send + 'static>(
+pub(crate) fn apart_with<R: Send + 'static>(
     py: Python<'_>,
     (show, waits): (Option<&Bound<'_, PyAny>>, bool),
     scripts: &Scripts,
@@ -86,7 +86,7 @@ pub fn apart_with<R: Send + 'static>(
 
 /// Runs `work` on another thread like [`apart`], and waits for it in any case, so that it may borrow. The work must end
 /// soon after `stop` is set.
-pub fn apart_within<R: Send>(
+pub(crate) fn apart_within<R: Send>(
     py: Python<'_>,
     show: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Progress) -> Result<R, Failure> + Send,

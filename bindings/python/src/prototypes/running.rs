@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// The exception of a node, and the thread that runs it.
 #[derive(Default)]
-pub struct Fault {
+pub(super) struct Fault {
     has_failed: AtomicBool,
     raised: Mutex<Option<PyErr>>,
     /// Python's number of the thread that is running the node's Python code. Changed only with Python's lock held.
@@ -19,12 +19,12 @@ pub struct Fault {
 }
 
 impl Fault {
-    pub fn has_failed(&self) -> bool {
+    pub(super) fn has_failed(&self) -> bool {
         self.has_failed.load(Ordering::Acquire)
     }
 
     /// The first exception.
-    pub fn take(&self) -> Option<PyErr> {
+    pub(super) fn take(&self) -> Option<PyErr> {
         self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
@@ -35,7 +35,7 @@ impl Fault {
     }
 
     /// Raises `KeyboardInterrupt` in the thread that runs the node.
-    pub fn interrupt(&self, py: Python<'_>) {
+    pub(super) fn interrupt(&self, py: Python<'_>) {
         let thread = *self.thread.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(thread) = thread {
             // Where that fails, the node goes on to the end of its block.
@@ -50,7 +50,7 @@ impl Fault {
 }
 
 /// The arguments from which a node is made.
-pub struct Making {
+pub(super) struct Making {
     kind: &'static PythonKind,
     path: String,
     rate_hz: f64,
@@ -74,7 +74,7 @@ impl Clone for Running {
 }
 
 impl Making {
-    pub fn new(kind: &'static PythonKind, cx: &BuildContext, settings: Vec<Value>) -> Self {
+    pub(super) fn new(kind: &'static PythonKind, cx: &BuildContext, settings: Vec<Value>) -> Self {
         Self {
             kind,
             path: cx.path.clone(),
@@ -86,12 +86,12 @@ impl Making {
         }
     }
 
-    pub fn fault(&self) -> Arc<Fault> {
+    pub(super) fn fault(&self) -> Arc<Fault> {
         Arc::clone(&self.fault)
     }
 
     /// The processor. Its object is made at once, so that an invalid setting is reported when the graph is checked.
-    pub fn processor(self, py: Python<'_>) -> PyResult<Built<Scripted>> {
+    pub(super) fn processor(self, py: Python<'_>) -> PyResult<Built<Scripted>> {
         let first = self.object(py)?;
         Ok(Built::new(Running {
             making: Arc::new(Self { first: Mutex::new(Some(first)), ..self }),

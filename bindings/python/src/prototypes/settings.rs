@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 /// A value of a setting. Types are tried in this order, because a Python bool is an int, and an int a float.
 #[derive(Debug, Clone, FromPyObject, IntoPyObject)]
-pub enum Value {
+pub(super) enum Value {
     Flag(bool),
     Whole(u64),
     Number(f64),
@@ -14,10 +14,10 @@ pub enum Value {
 }
 
 /// Name, value, whether a graph has to give it, range, documentation.
-pub type GivenSetting = (String, Value, bool, Option<(f64, f64)>, String);
+pub(super) type GivenSetting = (String, Value, bool, Option<(f64, f64)>, String);
 
 /// A setting as a class declares it.
-pub struct Declared {
+pub(super) struct Declared {
     pub name: &'static str,
     /// The default, or any value of the type.
     value: Value,
@@ -27,11 +27,11 @@ pub struct Declared {
 }
 
 impl Declared {
-    pub fn of((name, value, is_required, range, doc): GivenSetting) -> Self {
+    pub(super) fn of((name, value, is_required, range, doc): GivenSetting) -> Self {
         Self { name: name.leak(), value, is_required, range, doc }
     }
 
-    pub fn spec(&self) -> SettingSpec {
+    pub(super) fn spec(&self) -> SettingSpec {
         match &self.value {
             Value::Flag(value) => self.spec_of(value),
             Value::Whole(value) => self.spec_of(value),
@@ -47,7 +47,7 @@ impl Declared {
     }
 
     /// Takes the setting out of the fields of a node.
-    pub fn take(&self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Value> {
+    pub(super) fn take(&self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Value> {
         match &self.value {
             Value::Flag(value) => self.take_as(value, fields, reading).map(Value::Flag),
             Value::Whole(value) => self.take_as(value, fields, reading).map(Value::Whole),

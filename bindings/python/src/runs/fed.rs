@@ -96,7 +96,7 @@ fn lasting(fed: &[Fed<'_>], wanted: &Wanted) -> Result<f64, Failure> {
 }
 
 /// Runs a graph with the caller's arrays.
-pub fn fed(
+pub(super) fn fed(
     graph: &Graph,
     feeds: &[Feed],
     wanted: &Wanted,
