@@ -87,6 +87,37 @@ fn crates_stay_within_their_budgets() {
     }
 }
 
+/// Number of lines that begin or re-export public items.
+fn public_lines(text: &str) -> usize {
+    let begins_item = |line: &&str| {
+        let words = line.trim_start().strip_prefix("pub ").map(str::split_whitespace);
+        let item =
+            words.and_then(|mut words| words.find(|word| !["const", "unsafe", "async"].contains(word)));
+        let is_constant = line.trim_start().starts_with("pub const ");
+        let kinds = ["fn", "struct", "enum", "trait", "type", "static", "mod", "use"];
+        item.is_some_and(|word| kinds.contains(&word)) || is_constant
+    };
+    text.lines().filter(begins_item).count()
+}
+
+#[test]
+fn public_items_stay_within_their_budgets() {
+    let mut over = Vec::new();
+    let mut all = 0;
+    for (folder, budget) in PUBLIC {
+        let texts = files(&root().join(folder)).into_iter().map(fs::read_to_string);
+        let items: usize = texts.map(|text| public_lines(&text.expect("a source file can be read"))).sum();
+        all += items;
+        if items > budget {
+            over.push(format!("{folder}: {items} public items, at most {budget}"));
+        }
+    }
+    assert!(all > 1_000, "{all} public items");
+    assert!(over.is_empty(), "{}", over.join("\n"));
+    let text = "pub const A: u8 = 1;\npub const fn a() {}\n    pub fn b() {}\npub(crate) fn c() {}\npub use d::E;\npub f: u8,\n";
+    assert_eq!(public_lines(text), 4);
+}
+
 /// Names and lengths of the functions or macros that `keyword` begins.
 fn lengths<'c>(code: &'c str, keyword: &str) -> Vec<(&'c str, usize)> {
     let is_word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$');
