@@ -111,14 +111,6 @@ impl Formula {
         self.depth
     }
 
-    /// Indices of the inputs that the formula names.
-    pub fn inputs(&self) -> impl Iterator<Item = usize> {
-        self.steps.iter().filter_map(|step| match step {
-            Step::Input(input) => Some(*input),
-            _ => None,
-        })
-    }
-
     /// True if the result depends on the time since the start.
     pub(crate) fn is_timed(&self) -> bool {
         self.steps.iter().any(|step| matches!(step, Step::Time))
@@ -208,7 +200,7 @@ pub fn names(formula: &str) -> Vec<&str> {
 }
 
 /// The reserved words of a formula: functions, constants and the time.
-pub fn reserved(formula: &str) -> impl Iterator<Item = &str> {
+pub(crate) fn reserved(formula: &str) -> impl Iterator<Item = &str> {
     let is_word = |word: &&str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
     words(formula).filter(is_word).filter(|word| !is_free(word))
 }

@@ -23,7 +23,7 @@ impl Default for Histogram {
 
 impl Histogram {
     /// Counts a duration.
-    pub fn record(&mut self, ns: u64) {
+    pub(crate) fn record(&mut self, ns: u64) {
         self.counts[bucket(ns)] += 1;
         self.total += 1;
         self.max_ns = self.max_ns.max(ns);

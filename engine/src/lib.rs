@@ -7,6 +7,8 @@
 //! Each arrow is one function. Each noun is one type that only the arrow before it can make. The engine contains no
 //! haptics: `haptograph-nodes` registers the kinds of nodes, devices and frames.
 
+#![cfg_attr(not(test), warn(unreachable_pub))]
+
 pub mod bridges;
 pub mod device;
 pub mod diagnostic;
@@ -14,7 +16,8 @@ pub mod document;
 pub mod formula;
 pub mod frame;
 pub mod graph;
-pub mod histogram;
+pub(crate) mod histogram;
+#[allow(unreachable_pub)]
 pub mod host;
 mod io;
 pub mod limiter;
@@ -22,6 +25,7 @@ pub mod node;
 mod node_id;
 pub mod plan;
 pub mod registry;
+#[allow(unreachable_pub)]
 pub mod run;
 mod scripted;
 pub mod settings;

@@ -8,6 +8,8 @@
 //! | `spreadsheets` | yes | recordings in XLSX files |
 //! | `genetic` | | the island genetic algorithm of the thesis for segmentation, slower and never better than the exact search |
 
+#![cfg_attr(not(test), warn(unreachable_pub))]
+
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;
 pub mod evaluate;
@@ -17,4 +19,4 @@ pub mod parts;
 pub mod processing;
 pub mod recording;
 pub mod select;
-pub mod signals;
+pub(crate) mod signals;

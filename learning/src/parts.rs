@@ -121,7 +121,7 @@ pub enum PartsError {
 ///
 /// # Errors
 /// [`PartsError`] if an item is missing or there twice, or a part belongs to other work.
-pub fn whole<'a, H: PartialEq, T>(
+pub(crate) fn whole<'a, H: PartialEq, T>(
     parts: &[Part<'a, H, T>],
     of: u64,
     name: impl Fn(&T) -> String,

@@ -349,7 +349,7 @@ impl BackendEntry {
     }
 
     /// True if the backend reaches a device.
-    pub fn reaches(&self, device: &GraphDevice) -> bool {
+    pub(crate) fn reaches(&self, device: &GraphDevice) -> bool {
         self.kinds.contains(&device.entry.spec.name)
     }
 

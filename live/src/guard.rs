@@ -2,7 +2,7 @@
 //!
 //! A process that is about to end by force sends them itself ([`send_last_zeros`]), an aborting one too. For one that is
 //! killed, each socket of a device has a guard: a process of the same program that holds the socket too and waits for the
-//! end of a pipe, which comes with the end of the process however it ends. It then sends zeros for [`GUARDED`] and ends,
+//! end of a pipe, which comes with the end of the process however it ends. It then sends zeros for 100 ms and ends,
 //! and with it the port is free: until then no other run can listen there, so no guard ever speaks beside a run. A run that
 //! ends in order ends its guards after its own last zeros.
 //!
@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// How long a guard sends zeros.
-pub const GUARDED: Duration = Duration::from_millis(100);
+pub(crate) const GUARDED: Duration = Duration::from_millis(100);
 /// Time for the threads of all devices to send zeros: they wake every 5 ms at least.
 const SENDING: Duration = Duration::from_millis(20);
 
@@ -50,11 +50,11 @@ impl Guard {
         Ok(None)
     }
 
-    pub fn aim(&mut self, _: Option<Target>) {
+    pub(crate) fn aim(&mut self, _: Option<Target>) {
         match *self {}
     }
 
-    pub fn end(self) {
+    pub(crate) fn end(self) {
         match self {}
     }
 }

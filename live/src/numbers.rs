@@ -64,7 +64,7 @@ pub(crate) struct Reader<F> {
 
 impl<F> Reader<F> {
     /// A new reader with a link of its own.
-    pub fn new(device: &str, field: F, timeout: Duration) -> Self {
+    pub(crate) fn new(device: &str, field: F, timeout: Duration) -> Self {
         Self { device: device.to_owned(), field, timeout, link: Arc::default(), is_new: true }
     }
 }
@@ -120,14 +120,14 @@ impl<S: NumberSource> Listener<S> {
     ///
     /// # Errors
     /// The system's error if the address cannot be opened.
-    pub fn open(address: &S::Address) -> std::io::Result<Self> {
+    pub(crate) fn open(address: &S::Address) -> std::io::Result<Self> {
         let (readers, stop) = (Readers::default(), Arc::<AtomicBool>::default());
         let thread = S::listen(address, readers.clone(), Arc::clone(&stop))?;
         Ok(Self { address: address.clone(), readers, stop, thread: Some(thread), is_new: true })
     }
 
     /// The link of an input: that of an input that reads the same field, or a new one.
-    pub fn link(&self, device: &str, field: S::Field, timeout: Duration) -> Arc<Link> {
+    pub(crate) fn link(&self, device: &str, field: S::Field, timeout: Duration) -> Arc<Link> {
         let mut readers = self.readers.list();
         // Silence depends on the timeout: inputs with another timeout have their own links.
         let is_it = |reader: &&Reader<S::Field>| reader.field == field && reader.timeout == timeout;
@@ -152,7 +152,7 @@ pub(crate) struct Listeners<S: NumberSource>(Vec<Listener<S>>);
 
 impl<S: NumberSource> Listeners<S> {
     /// Without connections, as a backend.
-    pub fn boxed() -> Box<dyn Backend> {
+    pub(crate) fn boxed() -> Box<dyn Backend> {
         Box::new(Self(Vec::new()))
     }
 

@@ -74,7 +74,7 @@ pub(crate) struct Protected {
 
 #[cfg(feature = "supervisor")]
 impl Protected {
-    pub fn of(graph: &Graph) -> Self {
+    pub(crate) fn of(graph: &Graph) -> Self {
         let driven = graph.driven_devices();
         Self {
             actuators: ProtectedActuator::all(graph),
@@ -83,7 +83,7 @@ impl Protected {
     }
 
     /// Describes the limits that differ from those of `before`.
-    pub fn changes(&self, before: &Self) -> Vec<String> {
+    pub(crate) fn changes(&self, before: &Self) -> Vec<String> {
         let mut changes = Vec::new();
         for actuator in &self.actuators {
             let sink = &actuator.sink;

@@ -1,10 +1,10 @@
 //! Actuators: the voice-coil model, its identification, its dynamic compensation, brakes and sinks.
 
 pub mod brake;
-pub mod brake_node;
-pub mod compensator;
-pub mod drive;
-pub mod force_sink;
+pub(crate) mod brake_node;
+pub(crate) mod compensator;
+pub(crate) mod drive;
+pub(crate) mod force_sink;
 pub mod identify;
-pub mod limit;
-pub mod two_mass;
+pub(crate) mod limit;
+pub(crate) mod two_mass;

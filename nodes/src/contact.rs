@@ -1,14 +1,14 @@
 //! Contact of a tool with a surface: position, penetration and normal force.
 
-pub mod force_node;
+pub(crate) mod force_node;
 pub mod mesh;
 pub mod nodes;
-pub mod object;
-pub mod proxy;
+pub(crate) mod object;
+pub(crate) mod proxy;
 pub mod shape;
-pub mod stiffness;
-pub mod wrench;
-pub mod wrench_node;
+pub(crate) mod stiffness;
+pub(crate) mod wrench;
+pub(crate) mod wrench_node;
 
 use crate::vector::Vec3;
 use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Record};
@@ -85,7 +85,7 @@ impl Record for Contact {
 
 impl Contact {
     /// No contact.
-    pub const fn free(hip_m: Vec3) -> Self {
+    pub(crate) const fn free(hip_m: Vec3) -> Self {
         Self { touching: false, hip_m, ihip_m: hip_m, penetration_m: 0.0, normal: [0.0; 3], face: 0 }
     }
 }

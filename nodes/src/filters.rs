@@ -1,8 +1,8 @@
 //! Linear filters, applied to each component separately.
 
 pub mod classical;
-pub mod crossover;
-pub mod section;
+pub(crate) mod crossover;
+pub(crate) mod section;
 
 use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
@@ -43,12 +43,12 @@ pub(crate) struct Frequency<K: NodeKind> {
 
 impl<K: NodeKind> Frequency<K> {
     /// This live setting.
-    pub const fn of(setting: LiveId<K::Settings>) -> Self {
+    pub(crate) const fn of(setting: LiveId<K::Settings>) -> Self {
         Self { setting, input: None }
     }
 
     /// The setting of a fallback, and its input.
-    pub const fn or_input(fallback: Fallback<K>) -> Self {
+    pub(crate) const fn or_input(fallback: Fallback<K>) -> Self {
         Self { setting: fallback.setting, input: Some(fallback.input) }
     }
 }

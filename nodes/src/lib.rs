@@ -32,6 +32,8 @@
 //! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds less than half of the crates |
 //! | `serde` | | the counts of a device's packets can be serialised |
 
+#![cfg_attr(not(test), warn(unreachable_pub))]
+
 #[cfg(feature = "touch")]
 pub mod actuators;
 #[cfg(feature = "touch")]
@@ -42,11 +44,11 @@ mod csv_table;
 pub mod filters;
 #[cfg(feature = "touch")]
 pub mod friction;
-pub mod math;
+pub(crate) mod math;
 #[cfg(feature = "touch")]
 pub mod network;
 #[cfg(feature = "touch")]
-pub mod sensing;
+pub(crate) mod sensing;
 #[cfg(feature = "touch")]
 pub mod simulated;
 pub mod sinks;
@@ -54,7 +56,7 @@ pub mod sinks;
 pub mod soundcard;
 pub mod sources;
 #[cfg(feature = "touch")]
-pub mod tapping;
+pub(crate) mod tapping;
 #[cfg(feature = "touch")]
 pub mod texture;
 pub mod wav;

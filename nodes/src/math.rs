@@ -1,13 +1,13 @@
 //! Arithmetic on signals, component by component.
 
-pub mod calculus;
-pub mod curve;
-pub mod events;
-pub mod expression;
-pub mod limits;
-pub mod products;
-pub mod routing;
-pub mod scaling;
-pub mod sums;
-pub mod threshold;
-pub mod vectors;
+pub(crate) mod calculus;
+pub(crate) mod curve;
+pub(crate) mod events;
+pub(crate) mod expression;
+pub(crate) mod limits;
+pub(crate) mod products;
+pub(crate) mod routing;
+pub(crate) mod scaling;
+pub(crate) mod sums;
+pub(crate) mod threshold;
+pub(crate) mod vectors;

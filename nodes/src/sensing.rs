@@ -1,6 +1,6 @@
 //! Speed of the tool, and measures of studies, from sensor signals.
 
-pub mod contact_speed;
-pub mod speed;
-pub mod speed_node;
-pub mod study;
+pub(crate) mod contact_speed;
+pub(crate) mod speed;
+pub(crate) mod speed_node;
+pub(crate) mod study;

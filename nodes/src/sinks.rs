@@ -1,7 +1,7 @@
 //! Sinks: files, plots and meters.
 
 pub mod csv;
-pub mod meter;
+pub(crate) mod meter;
 mod note;
 #[cfg(feature = "touch")]
 pub mod plots;

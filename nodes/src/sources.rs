@@ -2,18 +2,18 @@
 
 pub mod csv;
 pub mod noise;
-pub mod one_shot;
-pub mod over_position;
-pub mod phase;
-pub mod steps;
+pub(crate) mod one_shot;
+pub(crate) mod over_position;
+pub(crate) mod phase;
+pub(crate) mod steps;
 pub mod wav;
-pub mod waves;
+pub(crate) mod waves;
 
 use haptograph_engine::node::{AfterData, BuildContext, DataEnd};
 
 haptograph_engine::choices! {
     /// Output of a source after the end of its file.
-    pub enum AtEnd {
+    pub(crate) enum AtEnd {
         /// The run ends: the last frame of the data is the last one of the run.
         Stop,
         /// The output holds the last value.

@@ -22,13 +22,13 @@ pub struct Format {
 
 impl Format {
     /// Bytes of a frame.
-    pub fn frame_bytes(self) -> u64 {
+    pub(crate) fn frame_bytes(self) -> u64 {
         4 * u64::from(self.channels)
     }
 }
 
 /// Bytes before the samples of a written file.
-pub const HEADER_BYTES: u64 = 94;
+pub(crate) const HEADER_BYTES: u64 = 94;
 /// Bytes in the body of a `ds64` chunk, and of the `JUNK` chunk that reserves its room.
 const DS64_BYTES: u32 = 28;
 /// The format tag of IEEE floats.

@@ -35,7 +35,7 @@ pub fn standalone_svg(graph: &Graph, title: &str) -> String {
 }
 
 /// The drawing of `graph` for a page with the style sheet.
-pub fn svg(graph: &Graph, title: &str) -> String {
+pub(crate) fn svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, "")
 }
 

@@ -39,7 +39,7 @@ impl Unit {
     }
 
     /// Converts an SI value to this unit.
-    pub fn show(&self, si: f64) -> f64 {
+    pub(crate) fn show(&self, si: f64) -> f64 {
         si * self.factor + self.offset
     }
 

@@ -6,14 +6,14 @@ use super::thinning::Envelope;
 /// The colours of signals, in the order of their appearance. Signals with equal names or equal samples share
 /// a colour.
 #[derive(Debug, Default)]
-pub struct Inks {
+pub(crate) struct Inks {
     known: Vec<(String, Option<Envelope>, Ink)>,
 }
 
 impl Inks {
     /// The colour of a signal in a frame that already uses the colours `beside`: its own, unless another
     /// signal there has the same.
-    pub fn of(&mut self, name: &str, samples: Option<&Envelope>, beside: &[Ink]) -> Ink {
+    pub(crate) fn of(&mut self, name: &str, samples: Option<&Envelope>, beside: &[Ink]) -> Ink {
         let is_it = |(known, of, _): &&(String, Option<Envelope>, Ink)| {
             known == name || samples.is_some() && of.as_ref() == samples
         };

@@ -158,12 +158,12 @@ impl Layout {
 }
 
 impl Route {
-    pub fn points(&self) -> &[(f64, f64)] {
+    pub(crate) fn points(&self) -> &[(f64, f64)] {
         match self {
             Self::Forward(points) | Self::Around(points) => points,
         }
     }
-    pub fn points_mut(&mut self) -> &mut [(f64, f64)] {
+    pub(crate) fn points_mut(&mut self) -> &mut [(f64, f64)] {
         match self {
             Self::Forward(points) | Self::Around(points) => points,
         }

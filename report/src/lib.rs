@@ -1,6 +1,8 @@
 //! Plots, drawings of graphs, and pages of runs, as SVG and HTML. They load nothing from the network, need no
 //! font of their own, are complete without their script, and follow the reader's light or dark theme.
 
+#![cfg_attr(not(test), warn(unreachable_pub))]
+
 pub mod drawing;
 pub mod evaluation;
 pub mod facts;
@@ -8,7 +10,7 @@ pub mod figures;
 pub mod headlines;
 pub mod holdout;
 pub mod identification;
-pub mod inks;
+pub(crate) mod inks;
 mod layout;
 pub mod learning;
 mod loci;
@@ -24,13 +26,13 @@ pub mod reference;
 mod responses;
 pub mod scale;
 pub mod sound;
-pub mod spectra;
+pub(crate) mod spectra;
 mod svg;
 mod swatch;
 pub mod sweep;
 pub mod table;
 mod texture_map;
 pub mod theme;
-pub mod thinning;
+pub(crate) mod thinning;
 
 pub use swatch::swatch;

@@ -205,7 +205,7 @@ pub(super) struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    pub fn to_html(&self) -> String {
+    pub(crate) fn to_html(&self) -> String {
         let title = escape(self.title);
         let badge = match self.badge {
             "" => String::new(),

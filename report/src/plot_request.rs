@@ -95,7 +95,7 @@ impl PlotRequest {
     }
 
     /// True if all runs have the same traces.
-    pub fn is_same(&self, runs: &[RunTraces<'_>]) -> bool {
+    pub(crate) fn is_same(&self, runs: &[RunTraces<'_>]) -> bool {
         match runs {
             [first, rest @ ..] => !rest.is_empty() && rest.iter().all(|run| run.equals(first)),
             [] => false,
@@ -104,7 +104,7 @@ impl PlotRequest {
 
     /// The plot of one run, or of several in one frame. Fast signals of several runs, which would hide each
     /// other, get one frame each.
-    pub fn plots(&self, runs: &[RunTraces<'_>], inks: &mut Inks) -> Vec<Plot> {
+    pub(crate) fn plots(&self, runs: &[RunTraces<'_>], inks: &mut Inks) -> Vec<Plot> {
         if let [first, ..] = runs
             && self.is_same(runs)
         {

@@ -158,21 +158,21 @@ pub trait Reduction: Clone + Send + 'static {
 
 /// Writer that reduces a signal.
 #[derive(Debug)]
-pub struct Recorder<T>(Arc<Mutex<T>>);
+pub(crate) struct Recorder<T>(Arc<Mutex<T>>);
 
-/// Access to what a [`Recorder`] keeps.
+/// Access to what a `Recorder` keeps.
 #[derive(Debug)]
 pub struct Record<T>(Arc<Mutex<T>>);
 
 /// A recorder that adds to a reduction, and the access to it.
-pub fn recorder<T: Reduction>(reduction: T) -> (Recorder<T>, Record<T>) {
+pub(crate) fn recorder<T: Reduction>(reduction: T) -> (Recorder<T>, Record<T>) {
     let shared = Arc::new(Mutex::new(reduction));
     (Recorder(Arc::clone(&shared)), Record(shared))
 }
 
 impl<T: Reduction> Record<T> {
     /// The reduction so far.
-    pub fn content(&self) -> T {
+    pub(crate) fn content(&self) -> T {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -263,7 +263,7 @@ impl Recorded {
     }
 
     /// Duration, s.
-    pub fn duration_s(&self) -> f64 {
+    pub(crate) fn duration_s(&self) -> f64 {
         self.frames as f64 * self.stream.rate.period_s()
     }
 }

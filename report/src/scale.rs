@@ -28,7 +28,7 @@ pub(crate) struct Tick {
 }
 
 impl Scale {
-    pub fn pixel(&self, value: f64) -> f64 {
+    pub(crate) fn pixel(&self, value: f64) -> f64 {
         let part = match self.spread {
             Spread::Linear => (value - self.low) / (self.high - self.low),
             Spread::Log => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -37,7 +37,7 @@ impl Scale {
     }
 
     /// Round values, about `most` of them with a text, at least two.
-    pub fn ticks(&self, most: usize) -> Vec<Tick> {
+    pub(crate) fn ticks(&self, most: usize) -> Vec<Tick> {
         let of = |most| match self.spread {
             Spread::Linear => linear_ticks(self.low, self.high, most),
             Spread::Log => log_ticks(self.low, self.high, most),
@@ -171,7 +171,7 @@ fn superscript(exponent: i32) -> String {
 }
 
 /// The largest magnitude of samples.
-pub fn peak(samples: &[f64]) -> f64 {
+pub(crate) fn peak(samples: &[f64]) -> f64 {
     samples.iter().fold(0.0, |peak, x| x.abs().max(peak))
 }
 

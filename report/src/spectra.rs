@@ -159,18 +159,13 @@ impl Spectra {
     }
 
     /// Densities from 0 Hz on, in the signal's unit squared per hertz; one column per time step.
-    pub fn columns(&self) -> &[Vec<f64>] {
+    pub(crate) fn columns(&self) -> &[Vec<f64>] {
         &self.columns
-    }
-
-    /// Duration of all columns, s.
-    pub fn duration_s(&self) -> f64 {
-        (self.columns.len() * self.every * self.coarse.samples / 2) as f64 / self.coarse.rate_hz
     }
 
     /// Welch's estimate over the whole signal: (frequency in Hz, density), without 0 Hz. For a signal shorter
     /// than a fine segment, the mean of the columns; empty if there are none.
-    pub fn mean(&self) -> Vec<(f64, f64)> {
+    pub(crate) fn mean(&self) -> Vec<(f64, f64)> {
         let (bin_hz, sum, count) = match self.fine_count {
             0 => {
                 let (mut sum, mut count) = (Vec::new(), 0);
@@ -184,7 +179,7 @@ impl Spectra {
     }
 
     /// The mean spectrum over `SHOWN_HZ`, from the bin that contains its lower end.
-    pub fn shown(&self) -> Vec<(f64, f64)> {
+    pub(crate) fn shown(&self) -> Vec<(f64, f64)> {
         let mut points = self.mean();
         let lowest = shown_from(&points);
         points.drain(..lowest);
@@ -242,7 +237,9 @@ mod tests {
     fn a_tone_stands_at_its_frequency_for_the_whole_run() {
         let spectra = tone(500.0, 10_000, 60);
         assert!(spectra.columns().len() <= MAX_COLUMNS);
-        assert!((spectra.duration_s() - 60.0).abs() < 1.0, "{}", spectra.duration_s());
+        let duration_s =
+            (spectra.columns.len() * spectra.every * spectra.coarse.samples / 2) as f64 / 10_000.0;
+        assert!((duration_s - 60.0).abs() < 1.0, "{duration_s}");
         let mean = spectra.mean();
         let bin_hz = mean[1].0 - mean[0].0;
         assert!(bin_hz < 5.01);

@@ -26,21 +26,21 @@ pub(crate) struct Rect {
 }
 
 impl Rect {
-    pub fn right(&self) -> f64 {
+    pub(crate) fn right(&self) -> f64 {
         self.x + self.width
     }
-    pub fn bottom(&self) -> f64 {
+    pub(crate) fn bottom(&self) -> f64 {
         self.y + self.height
     }
     /// The rectangle enlarged by `by` on every side.
-    pub fn inflated(&self, by: f64) -> Self {
+    pub(crate) fn inflated(&self, by: f64) -> Self {
         Self { x: self.x - by, y: self.y - by, width: self.width + 2.0 * by, height: self.height + 2.0 * by }
     }
 }
 
 impl Svg {
     /// A drawing of this width and height with a background.
-    pub fn on_paper((width, height): (f64, f64)) -> Self {
+    pub(crate) fn on_paper((width, height): (f64, f64)) -> Self {
         let mut svg = Self::default();
         let (x, y) = (0.0, 0.0);
         svg.rect("paper", Rect { x, y, width, height }, 0.0);
@@ -48,12 +48,12 @@ impl Svg {
     }
 
     /// The text written so far.
-    pub fn into_text(self) -> String {
+    pub(crate) fn into_text(self) -> String {
         self.out
     }
 
     /// Writes formatted text without escaping.
-    pub fn raw(&mut self, text: std::fmt::Arguments<'_>) {
+    pub(crate) fn raw(&mut self, text: std::fmt::Arguments<'_>) {
         // Writing into a string cannot fail.
         let _ = self.out.write_fmt(text);
         self.out.push('\n');
@@ -61,14 +61,14 @@ impl Svg {
 
     /// Writes the output of `draw` as a group with these classes; names and values become data attributes for
     /// programs.
-    pub fn group_of(&mut self, class: &str, what: &[(&str, &str)], draw: impl FnOnce(&mut Self)) {
+    pub(crate) fn group_of(&mut self, class: &str, what: &[(&str, &str)], draw: impl FnOnce(&mut Self)) {
         self.raw(format_args!("<g class=\"{class}\"{}>", attributes(what)));
         draw(self);
         self.raw(format_args!("</g>"));
     }
 
     /// Writes the output of `draw` clipped to `to`, in the outer coordinates.
-    pub fn clipped(&mut self, to: Rect, draw: impl FnOnce(&mut Self)) {
+    pub(crate) fn clipped(&mut self, to: Rect, draw: impl FnOnce(&mut Self)) {
         let (x, y, w, h) = (num(to.x), num(to.y), num(to.width), num(to.height));
         self.raw(format_args!(
             "<svg x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" viewBox=\"{x} {y} {w} {h}\">"
@@ -77,14 +77,14 @@ impl Svg {
         self.raw(format_args!("</svg>"));
     }
 
-    pub fn rect(&mut self, class: &str, at: Rect, radius: f64) {
+    pub(crate) fn rect(&mut self, class: &str, at: Rect, radius: f64) {
         let (x, y, w, h, r) = (num(at.x), num(at.y), num(at.width), num(at.height), num(radius));
         self.raw(format_args!(
             "<rect class=\"{class}\" x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" rx=\"{r}\"/>"
         ));
     }
 
-    pub fn circle(&mut self, class: &str, (x, y): (f64, f64), radius: f64) {
+    pub(crate) fn circle(&mut self, class: &str, (x, y): (f64, f64), radius: f64) {
         self.raw(format_args!(
             "<circle class=\"{class}\" cx=\"{}\" cy=\"{}\" r=\"{}\"/>",
             num(x),
@@ -93,21 +93,21 @@ impl Svg {
         ));
     }
 
-    pub fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
+    pub(crate) fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
         let (x1, y1, x2, y2) = (num(from.0), num(from.1), num(to.0), num(to.1));
         self.raw(format_args!("<line class=\"{class}\" x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\"/>"));
     }
 
-    pub fn path(&mut self, class: &str, path: &Path) {
+    pub(crate) fn path(&mut self, class: &str, path: &Path) {
         self.path_of(class, &[], path);
     }
 
     /// A path with data attributes for programs.
-    pub fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path) {
+    pub(crate) fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path) {
         self.raw(format_args!("<path class=\"{class}\"{} d=\"{}\"/>", attributes(what), path.d.trim_end()));
     }
 
-    pub fn text(&mut self, class: &str, (x, y): (f64, f64), anchor: Anchor, text: &str) {
+    pub(crate) fn text(&mut self, class: &str, (x, y): (f64, f64), anchor: Anchor, text: &str) {
         self.raw(format_args!(
             "<text class=\"{class}\" x=\"{}\" y=\"{}\"{}>{}</text>",
             num(x),
@@ -118,7 +118,7 @@ impl Svg {
     }
 
     /// A title followed by a remark.
-    pub fn heading(&mut self, (x, y): (f64, f64), title: &str, remark: &str) {
+    pub(crate) fn heading(&mut self, (x, y): (f64, f64), title: &str, remark: &str) {
         let (x, y) = (num(x), num(y));
         let remark = match remark {
             "" => String::new(),
@@ -131,7 +131,7 @@ impl Svg {
     }
 
     /// Text rotated upwards, centred on a point.
-    pub fn text_upwards(&mut self, class: &str, (x, y): (f64, f64), text: &str) {
+    pub(crate) fn text_upwards(&mut self, class: &str, (x, y): (f64, f64), text: &str) {
         let (x, y) = (num(x), num(y));
         self.raw(format_args!(
             "<text class=\"{class}\" transform=\"translate({x} {y}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
@@ -140,7 +140,7 @@ impl Svg {
     }
 
     /// An image by its URL (here a data URL), stretched over `at`.
-    pub fn image(&mut self, at: Rect, address: &str) {
+    pub(crate) fn image(&mut self, at: Rect, address: &str) {
         let (x, y, w, h) = (num(at.x), num(at.y), num(at.width), num(at.height));
         self.raw(format_args!(
             "<image x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" preserveAspectRatio=\"none\" href=\"{address}\"/>"
@@ -148,13 +148,13 @@ impl Svg {
     }
 
     /// Tooltip of the enclosing group.
-    pub fn tooltip(&mut self, text: &str) {
+    pub(crate) fn tooltip(&mut self, text: &str) {
         self.raw(format_args!("<title>{}</title>", escape(text)));
     }
 
     /// The fragment as an SVG element of this size. `title` is the accessible name; `style` is CSS for a
     /// standalone file and empty within a page.
-    pub fn finish(self, (width, height): (f64, f64), title: &str, style: &str) -> String {
+    pub(crate) fn finish(self, (width, height): (f64, f64), title: &str, style: &str) -> String {
         let (w, h) = (num(width), num(height));
         let style = if style.is_empty() { String::new() } else { format!("<style>{style}</style>\n") };
         format!(
@@ -189,23 +189,23 @@ impl Path {
             let _ = write!(self.d, "{} {} ", num(*x), num(*y));
         }
     }
-    pub fn move_to(&mut self, to: (f64, f64)) {
+    pub(crate) fn move_to(&mut self, to: (f64, f64)) {
         self.push('M', &[to]);
     }
-    pub fn line_to(&mut self, to: (f64, f64)) {
+    pub(crate) fn line_to(&mut self, to: (f64, f64)) {
         self.push('L', &[to]);
     }
-    pub fn cubic_to(&mut self, first: (f64, f64), second: (f64, f64), to: (f64, f64)) {
+    pub(crate) fn cubic_to(&mut self, first: (f64, f64), second: (f64, f64), to: (f64, f64)) {
         self.push('C', &[first, second, to]);
     }
-    pub fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         self.d.push('Z');
     }
-    pub fn append(&mut self, other: &Self) {
+    pub(crate) fn append(&mut self, other: &Self) {
         self.d.push_str(&other.d);
     }
     /// A line of zero length at each point, which a round cap renders as a dot.
-    pub fn dots(points: impl Iterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn dots(points: impl Iterator<Item = (f64, f64)>) -> Self {
         let mut path = Self::default();
         for point in points {
             path.move_to(point);
@@ -214,7 +214,7 @@ impl Path {
         path
     }
     /// Like [`Self::through`] in fewer characters: points after a move are lines.
-    pub fn polyline(points: &[(f64, f64)]) -> Self {
+    pub(crate) fn polyline(points: &[(f64, f64)]) -> Self {
         let mut path = Self::default();
         if !points.is_empty() {
             path.push('M', points);
@@ -222,7 +222,7 @@ impl Path {
         path
     }
     /// Straight lines through all points.
-    pub fn through(points: &[(f64, f64)]) -> Self {
+    pub(crate) fn through(points: &[(f64, f64)]) -> Self {
         let mut path = Self::default();
         for (i, point) in points.iter().enumerate() {
             if i == 0 { path.move_to(*point) } else { path.line_to(*point) }

@@ -104,7 +104,7 @@ pub(crate) fn grounds() -> String {
 }
 
 /// The style sheet of all figures; a page contains it once, a standalone file always.
-pub fn css() -> String {
+pub(crate) fn css() -> String {
     let sheet = |dark: bool| {
         let pick = |light: &'static str, night: &'static str| if dark { night } else { light };
         let rules = RULES.iter().map(|(selector, property, light, night)| {

@@ -47,7 +47,7 @@ impl Envelope {
     }
 
     /// Adds samples. A sample that is not finite only advances the time.
-    pub fn extend(&mut self, samples: impl IntoIterator<Item = f64>) {
+    pub(crate) fn extend(&mut self, samples: impl IntoIterator<Item = f64>) {
         for sample in samples {
             self.push(sample);
         }
@@ -89,12 +89,12 @@ impl Envelope {
     }
 
     /// Root mean square; 0 without samples.
-    pub fn rms(&self) -> f64 {
+    pub(crate) fn rms(&self) -> f64 {
         if self.samples == 0 { 0.0 } else { (self.sum_of_squares / self.samples as f64).sqrt() }
     }
 
     /// Mean; 0 without samples.
-    pub fn mean(&self) -> f64 {
+    pub(crate) fn mean(&self) -> f64 {
         match self.samples {
             0 => 0.0,
             samples => self.sum / samples as f64,
@@ -110,24 +110,24 @@ impl Envelope {
     }
 
     /// Share of the samples that are not zero, 0 to 1.
-    pub fn presence(&self) -> f64 {
+    pub(crate) fn presence(&self) -> f64 {
         self.present as f64 / self.samples.max(1) as f64
     }
 
     /// Minimum and maximum; `None` if no sample is finite.
-    pub fn range(&self) -> Option<(f64, f64)> {
+    pub(crate) fn range(&self) -> Option<(f64, f64)> {
         let (low, high) = self.stretches().fold(EMPTY, |(low, high), (l, h)| (low.min(l), high.max(h)));
         (low <= high).then_some((low, high))
     }
 
     /// The value of a constant signal.
-    pub fn constant(&self) -> Option<f64> {
+    pub(crate) fn constant(&self) -> Option<f64> {
         let (low, high) = self.range()?;
         (high - low <= 1e-12 * high.abs().max(low.abs())).then_some(low)
     }
 
     /// First and last value of a signal that rises and never falls, such as a counter or an integral.
-    pub fn rises(&self) -> Option<(f64, f64)> {
+    pub(crate) fn rises(&self) -> Option<(f64, f64)> {
         let (low, _) = self.range()?;
         let last = self.last.filter(|last| self.never_falls && *last > low)?;
         Some((low, last))
@@ -164,17 +164,17 @@ impl Envelope {
     }
 
     /// Largest magnitude; 0 without samples.
-    pub fn peak(&self) -> f64 {
+    pub(crate) fn peak(&self) -> f64 {
         self.range().map_or(0.0, |(low, high)| low.abs().max(high.abs()))
     }
 
     /// True if every interval holds one sample, so that the signal is shown exactly.
-    pub fn is_exact(&self) -> bool {
+    pub(crate) fn is_exact(&self) -> bool {
         self.stretch == 1
     }
 
     /// (time of the centre in s, minimum, maximum) of every interval with a finite sample.
-    pub fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
+    pub(crate) fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
         let length_s = self.stretch as f64 / self.rate_hz;
         let middle = if self.is_exact() { 0.0 } else { 0.5 };
         self.stretches()

@@ -8,7 +8,7 @@
 //! - [`Lattice`] carries the signals of a normalised lattice, whose energy no stable set can raise. The output is
 //!   bounded for every sequence of sets, and has the power and spectrum of a new set at once.
 //!
-//! Both give the same bits for every block size and on every processor. Every 256 samples a state below [`SILENCE`] is
+//! Both give the same bits for every block size and on every processor. Every 256 samples a state below `SILENCE` is
 //! cleared, so that silence becomes exact, and so is a state that is NaN or infinite; `reset` clears it at once.
 
 mod bank;
@@ -28,7 +28,7 @@ use thiserror::Error;
 pub const MAX_ORDER: usize = 32;
 
 /// Magnitude of the state below which it counts as silence.
-pub const SILENCE: f64 = 1e-20;
+pub(crate) const SILENCE: f64 = 1e-20;
 
 /// Interval in samples at which the state is checked for silence.
 const SETTLE: usize = 256;
@@ -92,14 +92,6 @@ impl ArmaFilter {
         match self {
             Self::Direct(filter) => filter.process(excitation, out),
             Self::Lattice(filter) => filter.process(excitation, out),
-        }
-    }
-
-    /// Clears the state; keeps the coefficients.
-    pub fn reset(&mut self) {
-        match self {
-            Self::Direct(filter) => filter.reset(),
-            Self::Lattice(filter) => filter.reset(),
         }
     }
 }

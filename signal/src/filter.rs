@@ -123,11 +123,6 @@ impl Sections {
         let samples: f64 = self.sections.iter().map(|s| s.group_delay(inverse_z)).sum();
         samples / rate_hz
     }
-
-    /// True if every pole lies inside the unit circle.
-    pub fn is_stable(&self) -> bool {
-        self.sections.iter().all(Biquad::is_stable)
-    }
 }
 
 fn on_circle(frequency_hz: f64, rate_hz: f64) -> Complex64 {

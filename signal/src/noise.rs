@@ -67,12 +67,6 @@ impl Uniform {
         Self { source: Batched::new(seed, uniform_batch) }
     }
 
-    /// The next sample.
-    #[inline]
-    pub fn next_sample(&mut self) -> f64 {
-        self.source.next_sample()
-    }
-
     /// The next `out.len()` samples.
     pub fn fill(&mut self, out: &mut [f64]) {
         self.source.fill(out);

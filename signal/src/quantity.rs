@@ -45,15 +45,15 @@ impl Quantity {
     /// Voltage, V.
     pub const VOLTAGE: Self = quantity(2, 1, -3, -1, 0, 0);
     /// Power, W.
-    pub const POWER: Self = quantity(2, 1, -3, 0, 0, 0);
+    pub(crate) const POWER: Self = quantity(2, 1, -3, 0, 0, 0);
     /// Frequency, Hz.
     pub const FREQUENCY: Self = quantity(0, 0, -1, 0, 0, 0);
     /// Angular velocity, rad/s.
-    pub const ANGULAR_SPEED: Self = quantity(0, 0, -1, 0, 0, 1);
+    pub(crate) const ANGULAR_SPEED: Self = quantity(0, 0, -1, 0, 0, 1);
     /// Stiffness, N/m.
-    pub const STIFFNESS: Self = quantity(0, 1, -2, 0, 0, 0);
+    pub(crate) const STIFFNESS: Self = quantity(0, 1, -2, 0, 0, 0);
     /// Damping, N s/m.
-    pub const DAMPING: Self = quantity(0, 1, -1, 0, 0, 0);
+    pub(crate) const DAMPING: Self = quantity(0, 1, -1, 0, 0, 0);
 
     /// The quantities with a name of their own: (quantity, name, unit).
     pub const NAMED: &'static [(Self, &'static str, &'static str)] = &[

@@ -14,12 +14,12 @@ use std::f64::consts::PI;
 pub const MAX_WARPING: f64 = 0.95;
 
 /// The warped frequency of `frequency_rad` in [0, π], both in radians a sample.
-pub fn warp(frequency_rad: f64, warping: f64) -> f64 {
+pub(crate) fn warp(frequency_rad: f64, warping: f64) -> f64 {
     let (sin, cos) = frequency_rad.sin_cos();
     frequency_rad + 2.0 * (warping * sin).atan2(1.0 - warping * cos)
 }
 
-/// The frequency whose warped frequency is `warped_rad`: the inverse of [`warp`].
+/// The frequency whose warped frequency is `warped_rad`: the inverse of `warp`.
 pub fn unwarp(warped_rad: f64, warping: f64) -> f64 {
     warp(warped_rad, -warping)
 }
@@ -46,7 +46,7 @@ pub fn power_gain(ar: &[f64], warping: f64) -> Result<f64, PredictionError> {
 }
 
 /// `prod (1 - kappa_m^2)` of `A(zeta) (1 + l zeta^-1)`; `product` has one place more than `ar`.
-pub(crate) fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> Result<f64, PredictionError> {
+fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> Result<f64, PredictionError> {
     let mut before = 1.0;
     for (place, a) in product.iter_mut().zip(ar.iter().chain(&[0.0])) {
         *place = a + warping * before;

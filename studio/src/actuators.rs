@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 /// An actuator with the values delivered to it.
 #[derive(Debug)]
-pub struct Actuator {
+pub(crate) struct Actuator {
     pub name: String,
     /// The endpoint that the actuator drives, and whether that endpoint is a real device: neither simulated nor a pad.
     pub endpoint: String,
@@ -21,7 +21,7 @@ pub struct Actuator {
 
 /// Values delivered to an actuator since the last status.
 #[derive(Debug, Clone, Default)]
-pub struct Delivered {
+pub(crate) struct Delivered {
     square: f64,
     count: u64,
     peak: f64,
@@ -32,7 +32,7 @@ pub struct Delivered {
 
 impl Delivered {
     /// Adds frames of an actuator with the thermal window `window_s`.
-    pub fn take(&mut self, scope: &Scope, window_s: f64) {
+    pub(crate) fn take(&mut self, scope: &Scope, window_s: f64) {
         let part = 1.0 / (window_s * scope.port.rate_hz);
         for frame in scope.fresh().chunks_exact(scope.lanes()) {
             let square: f64 = frame.iter().map(|x| x * x).sum();
@@ -45,7 +45,7 @@ impl Delivered {
     }
 
     /// The status, and the start of the next.
-    pub fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
+    pub(crate) fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
         let rms = (self.square / self.count.max(1) as f64).sqrt();
         let status = json!({
             "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
@@ -57,19 +57,19 @@ impl Delivered {
 }
 
 /// True for a device that is neither simulated nor the page's.
-pub fn is_real(device: &GraphDevice) -> bool {
+pub(crate) fn is_real(device: &GraphDevice) -> bool {
     !device.entry.spec.simulated && !device.entry.is_host()
 }
 
 /// The real devices that a graph drives, with the fingerprints of their settings.
-pub fn driven(graph: &Graph) -> Vec<(&str, u64)> {
+pub(crate) fn driven(graph: &Graph) -> Vec<(&str, u64)> {
     let devices = graph.driven_devices().filter(|device| is_real(device));
     devices.map(|device| (&*device.name, device.fingerprint)).collect()
 }
 
 /// The sound that the page plays.
 #[derive(Debug)]
-pub struct Sound {
+pub(crate) struct Sound {
     pub port: String,
     pub peak: f64,
     pub rate_hz: f64,

@@ -16,7 +16,7 @@ const GIVES_N_PER_M: f64 = 500.0;
 
 /// The quantity that a pad provides to a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Gives {
+pub(crate) enum Gives {
     /// Position of the tip: on the plane of the pad, or in the surface that the pad lies on.
     Tip,
     /// Velocity along the surface.
@@ -56,7 +56,7 @@ impl Gives {
 
 /// An endpoint that a pointer can represent.
 #[derive(Debug, Clone)]
-pub struct PadSpec {
+pub(crate) struct PadSpec {
     pub endpoint: String,
     /// The quantities of its channels, by name.
     pub channels: Vec<(&'static str, Gives)>,
@@ -67,7 +67,7 @@ pub struct PadSpec {
 
 /// An endpoint that nodes read and that no pointer can represent.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct NoPad {
+pub(crate) struct NoPad {
     pub endpoint: String,
     /// The channels that no pad provides; empty if the touched surface is unknown.
     pub lacks: Vec<&'static str>,
@@ -76,7 +76,7 @@ pub struct NoPad {
 /// Divides the endpoints of a hosted graph into pads and others; an endpoint for which `stays` is true is not a pad.
 /// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
 /// only if needed.
-pub fn sort(
+pub(crate) fn sort(
     hosted: &Graph,
     stays: impl Fn(&str) -> bool,
     simulated: impl FnOnce() -> Option<Graph>,
@@ -136,7 +136,7 @@ fn laid_on(endpoint: String, channels: Vec<(&'static str, Gives)>, mut on: Touch
 
 /// State of a hand on a pad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Touch {
+pub(crate) struct Touch {
     pub tip_m: Vec3,
     pub velocity_m_s: Vec3,
     /// Outward normal of the surface.
@@ -149,7 +149,7 @@ pub struct Touch {
 impl Touch {
     /// The touch of a pointer on the plane of the pad, or `above_m` the surface that the pad lies on,
     /// negative below it.
-    pub fn of(pointer: &Pointer, on: Option<&Touchable>, above_m: f64) -> Self {
+    pub(crate) fn of(pointer: &Pointer, on: Option<&Touchable>, above_m: f64) -> Self {
         let [x, y] = pointer.position_m;
         let (tip_m, normal) = match on {
             None => ([x, y, 0.0], [0.0, 0.0, 1.0]),
@@ -168,7 +168,7 @@ impl Touch {
     }
 
     /// Fills a frame of a channel; returns the number of components.
-    pub fn put(&self, gives: Gives, frame: &mut [f64; 6]) -> usize {
+    pub(crate) fn put(&self, gives: Gives, frame: &mut [f64; 6]) -> usize {
         let put = |frame: &mut [f64; 6], numbers: &[f64]| {
             frame[..numbers.len()].copy_from_slice(numbers);
             numbers.len()

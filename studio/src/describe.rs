@@ -34,7 +34,7 @@ static SWATCHES: LazyLock<Mutex<Swatches>> = LazyLock::new(Mutex::default);
 const LOCATOR: &str = "TriangleLocator";
 
 /// The first message to a page.
-pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
+pub(crate) fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
     let nodes = registry.nodes().iter().map(node);
     let devices = registry.devices().iter().map(|entry| {
         let settings: Vec<Value> = entry.settings().iter().map(setting).collect();
@@ -132,7 +132,7 @@ fn symbol(unit: Option<&Unit>) -> &str {
 }
 
 /// The running graph, as far as its page may see it.
-pub fn graph(stage: &Stage) -> Value {
+pub(crate) fn graph(stage: &Stage) -> Value {
     stage.source.confined(|| shown(stage))
 }
 
@@ -277,7 +277,7 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
 
 /// The description of a surface, or of the error in its file; its swatch is drawn once, which takes a while. `None` if the
 /// file is something else.
-pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
+pub(crate) fn surface(path: &Path, graph: &Path) -> Option<Value> {
     let known = || SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
     let written = path.metadata().and_then(|found| found.modified()).ok();
     if let Some((_, shown)) = known().get(path).filter(|(then, _)| *then == written) {
@@ -315,12 +315,12 @@ fn is_meant(path: &Path, graph: &Path, error: &ReadError) -> bool {
 }
 
 /// A path relative to the graph's folder, in the form of a parameter.
-pub fn from_graph(path: &Path, graph: &Path) -> String {
+pub(crate) fn from_graph(path: &Path, graph: &Path) -> String {
     format!("{:?}", path.strip_prefix(graph).unwrap_or(path).to_string_lossy())
 }
 
 /// The files beside a graph that can be surfaces.
-pub fn surface_files(graph: &Path) -> Vec<PathBuf> {
+pub(crate) fn surface_files(graph: &Path) -> Vec<PathBuf> {
     ron_files(&surface_folder(graph))
 }
 
@@ -333,7 +333,7 @@ fn ron_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The folder of surfaces beside a graph.
-pub fn surface_folder(graph: &Path) -> PathBuf {
+pub(crate) fn surface_folder(graph: &Path) -> PathBuf {
     let inner = graph.join("surfaces");
     if is_folder(&inner) { inner } else { graph.to_owned() }
 }

@@ -7,7 +7,7 @@ use haptograph_live::soundcard::{CardRequests, Inputs};
 use std::sync::Arc;
 
 /// The real devices of the run.
-pub struct Devices {
+pub(crate) struct Devices {
     /// Arms the real actuators; the same for all runs.
     pub switch: Arc<ArmSwitch>,
     /// The driven devices that sent data at the last poll.
@@ -22,7 +22,7 @@ pub struct Devices {
 
 impl Devices {
     /// No connected device.
-    pub fn new(registry: &Registry) -> Self {
+    pub(crate) fn new(registry: &Registry) -> Self {
         Self {
             switch: Arc::default(),
             heard: Vec::new(),
@@ -34,7 +34,7 @@ impl Devices {
     }
 
     /// Disconnects the devices, after a last zero to each.
-    pub fn release(&mut self, registry: &Registry) {
+    pub(crate) fn release(&mut self, registry: &Registry) {
         self.network = Connections::new(registry);
         (self.inputs, self.note) = (Inputs::default(), None);
         self.heard.clear();

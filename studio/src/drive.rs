@@ -17,7 +17,7 @@ const LATE_S: f64 = 0.02;
 
 /// State of the driver during a run.
 #[derive(Debug, Default)]
-pub struct Pace {
+pub(crate) struct Pace {
     end: AtomicBool,
     frames: AtomicU64,
     behind_us: AtomicU64,
@@ -29,32 +29,32 @@ pub struct Pace {
 
 impl Pace {
     /// Number of driver frames.
-    pub fn frames(&self) -> u64 {
+    pub(crate) fn frames(&self) -> u64 {
         self.frames.load(Relaxed)
     }
 
     /// Delay of the latest wake-up, ms.
-    pub fn behind_ms(&self) -> f64 {
+    pub(crate) fn behind_ms(&self) -> f64 {
         self.behind_us.load(Relaxed) as f64 * 1e-3
     }
 
     /// Number of late wake-ups.
-    pub fn late(&self) -> u64 {
+    pub(crate) fn late(&self) -> u64 {
         self.late.load(Relaxed)
     }
 
     /// Number of ticks in which an actuator received NaN or infinity.
-    pub fn faults(&self) -> u64 {
+    pub(crate) fn faults(&self) -> u64 {
         self.faults.load(Relaxed)
     }
 
     /// Path of the first node found to output NaN or infinity.
-    pub fn origin(&self) -> Option<&str> {
+    pub(crate) fn origin(&self) -> Option<&str> {
         self.origin.get().map(|origin| &**origin)
     }
 
     /// Takes the computing time since the last call.
-    pub fn take_busy(&self) -> Duration {
+    pub(crate) fn take_busy(&self) -> Duration {
         Duration::from_nanos(self.busy_ns.swap(0, Relaxed))
     }
 
@@ -77,7 +77,7 @@ impl Pace {
 }
 
 /// A driven player.
-pub struct Drive {
+pub(crate) struct Drive {
     pub pace: Arc<Pace>,
     /// Locked while a timer that drives no real device computes frames.
     frame_lock: Arc<Mutex<()>>,
@@ -141,7 +141,7 @@ impl Driven for Paced {
 
 /// The driver of a player.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DrivenBy {
+pub(crate) enum DrivenBy {
     /// A timer, at the rate of the graph's driver clock.
     Timer {
         /// True if the graph drives a real device.
@@ -162,7 +162,7 @@ fn easy_timer() -> Timer {
 
 impl Drive {
     /// Starts a player at the rate of its driver clock.
-    pub fn start(player: Player, by: DrivenBy) -> std::io::Result<Self> {
+    pub(crate) fn start(player: Player, by: DrivenBy) -> std::io::Result<Self> {
         let (pace, frame_lock) = (Arc::new(Pace::default()), Arc::default());
         let is_locked = by == DrivenBy::Timer { is_real: false };
         let paced =
@@ -184,7 +184,7 @@ impl Drive {
     ///
     /// # Errors
     /// [`SoundcardError`] if there is no such card.
-    pub fn start_by_card(player: Player, request: Request) -> Result<Self, SoundcardError> {
+    pub(crate) fn start_by_card(player: Player, request: Request) -> Result<Self, SoundcardError> {
         let pace = Arc::new(Pace::default());
         let paced = Paced { player, pace: Arc::clone(&pace), frame_lock: None };
         let card = Driver::Card(Box::new(CardDriver::start(request, paced)?));
@@ -192,7 +192,7 @@ impl Drive {
     }
 
     /// Polls the soundcard that drives the player; returns its notes.
-    pub fn poll(&mut self) -> Vec<BackendEvent> {
+    pub(crate) fn poll(&mut self) -> Vec<BackendEvent> {
         match &mut self.driver {
             Some(Driver::Card(card)) => card.poll(),
             _ => Vec::new(),
@@ -200,7 +200,7 @@ impl Drive {
     }
 
     /// What the system refused the timer that drives a real device, and how to grant it, one sentence each.
-    pub fn refused(&self) -> &[String] {
+    pub(crate) fn refused(&self) -> &[String] {
         match &self.driver {
             #[cfg(not(target_family = "wasm"))]
             Some(Driver::Timer(thread)) => &thread.notes.refused,
@@ -216,7 +216,7 @@ impl Drive {
     }
 
     /// True if the run has ended.
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         match &self.driver {
             Some(Driver::Caller(paced)) => paced.player.state() != PlayerState::Running,
             #[cfg(not(target_family = "wasm"))]
@@ -227,41 +227,41 @@ impl Drive {
     }
 
     /// True if the soundcard that drives the player is gone and may come back.
-    pub fn is_waiting(&self) -> bool {
+    pub(crate) fn is_waiting(&self) -> bool {
         self.driving_card().is_some_and(CardDriver::is_waiting)
     }
 
     /// Name of the soundcard that drives the player.
-    pub fn card(&self) -> Option<&str> {
+    pub(crate) fn card(&self) -> Option<&str> {
         self.driving_card().map(|card| &*card.got().card)
     }
 
     /// Number of under- and overruns of the soundcard that drives the player.
-    pub fn xruns(&self) -> Option<u64> {
+    pub(crate) fn xruns(&self) -> Option<u64> {
         self.driving_card().map(|card| card.counts().xruns)
     }
 
     /// True if the caller drives the player.
-    pub fn is_the_callers(&self) -> bool {
+    pub(crate) fn is_the_callers(&self) -> bool {
         matches!(self.driver, Some(Driver::Caller(_)))
     }
 
     /// Calls `work` between two frames with the number of the second. A timer or card that drives a real device does
     /// not wait for it: frames may be computed meanwhile, and the number is exact to within a block.
-    pub fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
+    pub(crate) fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
         let _held = self.frame_lock.lock().unwrap_or_else(PoisonError::into_inner);
         work(self.pace.frames())
     }
 
     /// Runs `frames` frames if the caller drives the player. Real-time code.
-    pub fn process(&mut self, frames: usize) {
+    pub(crate) fn process(&mut self, frames: usize) {
         if let Some(Driver::Caller(paced)) = &mut self.driver {
             paced.run_frames(frames);
         }
     }
 
     /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
-    pub fn keep_time(&mut self, passed: Duration, busy: Duration, rate_hz: f64) {
+    pub(crate) fn keep_time(&mut self, passed: Duration, busy: Duration, rate_hz: f64) {
         let frames = self.pace.frames() - self.kept_at;
         self.kept_at += frames;
         let late_s = (passed.as_secs_f64() - frames as f64 / rate_hz).max(0.0);
@@ -275,7 +275,7 @@ impl Drive {
     }
 
     /// Waits until a run driven by a timer or a soundcard is over; false if `longest` has passed.
-    pub fn is_done_within(&mut self, longest: Duration) -> bool {
+    pub(crate) fn is_done_within(&mut self, longest: Duration) -> bool {
         // A page has no clock to wait by.
         if self.is_the_callers() {
             return self.is_over();
@@ -290,7 +290,7 @@ impl Drive {
     }
 
     /// Ends the driver; returns the player unless its thread panicked.
-    pub fn join(mut self) -> Option<Player> {
+    pub(crate) fn join(mut self) -> Option<Player> {
         self.pace.end.store(true, Relaxed);
         let paced = match self.driver.take()? {
             Driver::Caller(paced) => Some(*paced),

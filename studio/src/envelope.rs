@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// The envelopes confirmed by the person who opened the studio: those of the graph's file and of the
 /// parameters on the command line.
 #[derive(Debug)]
-pub struct Confirmed {
+pub(crate) struct Confirmed {
     set: Vec<(String, String)>,
     /// Envelope of the file with its defaults, and with the given parameters.
     as_written: SafetyEnvelope,
@@ -25,7 +25,7 @@ impl Confirmed {
     ///
     /// # Errors
     /// [`Diagnostics`] if the text cannot be parsed.
-    pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
+    pub(crate) fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
         let as_written = SafetyEnvelope::of(&source.with_set(Vec::new()), text)?;
         let as_set = match source.set.is_empty() {
             true => as_written.clone(),
@@ -38,7 +38,7 @@ impl Confirmed {
     ///
     /// # Errors
     /// [`StageError`] with everything that exceeds the confirmed envelope.
-    pub fn permits_run(&self, source: &Source, text: &str) -> Result<(), StageError> {
+    pub(crate) fn permits_run(&self, source: &Source, text: &str) -> Result<(), StageError> {
         within(&self.as_set, source, text)
     }
 
@@ -46,7 +46,7 @@ impl Confirmed {
     ///
     /// # Errors
     /// [`StageError`] with everything that exceeds the confirmed envelope.
-    pub fn permits_save(&self, source: &Source, text: &str) -> Result<(), StageError> {
+    pub(crate) fn permits_save(&self, source: &Source, text: &str) -> Result<(), StageError> {
         within(&self.as_written, &source.with_set(Vec::new()), text)?;
         if self.set.is_empty() {
             return Ok(());
@@ -57,7 +57,7 @@ impl Confirmed {
 
 /// What edits from pages may do, and the latest that was refused.
 #[derive(Debug, Default)]
-pub struct Permitted {
+pub(crate) struct Permitted {
     /// Limits and devices that no edit may exceed; `None` if no real device can be reached.
     pub confirmed: Option<Arc<Confirmed>>,
     /// The latest edit beyond them, and the number of such edits.
@@ -67,7 +67,7 @@ pub struct Permitted {
 
 /// A graph that a page asked for and that exceeds the confirmed envelope.
 #[derive(Debug)]
-pub struct Proposal {
+pub(crate) struct Proposal {
     /// Counts the proposals of a studio, from 1.
     pub number: u64,
     /// The ways in which it exceeds the envelope, one sentence each.
@@ -85,7 +85,7 @@ fn within(envelope: &SafetyEnvelope, source: &Source, text: &str) -> Result<(), 
 
 /// The actuators of a graph with their limits and devices.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SafetyEnvelope {
+pub(crate) struct SafetyEnvelope {
     sets: Vec<EndpointSet>,
     /// Source text of the expressions for limits and devices: with other parameters they may yield more.
     depends: BTreeMap<String, String>,
@@ -105,7 +105,7 @@ impl SafetyEnvelope {
     ///
     /// # Errors
     /// [`Diagnostics`] if the text cannot be parsed.
-    pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
+    pub(crate) fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
         source.confined(|| Self::of_confined(source, text))
     }
 
@@ -133,7 +133,7 @@ impl SafetyEnvelope {
     }
 
     /// The ways in which `next` exceeds this envelope, one sentence each; empty if it does not.
-    pub fn exceeded_by(&self, next: &Self) -> Vec<String> {
+    pub(crate) fn exceeded_by(&self, next: &Self) -> Vec<String> {
         let mut beyond = Vec::new();
         for (place, text) in &next.depends {
             if self.depends.get(place) != Some(text) {

@@ -26,6 +26,6 @@ impl From<Diagnostics> for StageError {
     }
 }
 
-pub fn other(error: impl std::fmt::Display) -> StageError {
+pub(crate) fn other(error: impl std::fmt::Display) -> StageError {
     StageError::Other(error.to_string())
 }

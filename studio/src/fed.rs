@@ -6,7 +6,7 @@ use haptograph_engine::settings::SettingSpec;
 use std::collections::HashMap;
 
 /// The setting of each parameter that is used once in a graph's own text, as the value of a setting.
-pub fn settings(text: &str, registry: &Registry) -> HashMap<String, SettingSpec> {
+pub(crate) fn settings(text: &str, registry: &Registry) -> HashMap<String, SettingSpec> {
     let Ok(graph) = Value::parse(text) else {
         return HashMap::new();
     };

@@ -1,7 +1,7 @@
 //! Binary messages to pages: samples and sound.
 
 /// A message with samples of the port at a place of the page's list.
-pub fn samples(
+pub(crate) fn samples(
     place: usize,
     lanes: usize,
     thinned: bool,
@@ -19,7 +19,7 @@ pub fn samples(
 }
 
 /// A message with samples to play.
-pub fn sound(at_s: f64, values: &[f32]) -> Vec<u8> {
+pub(crate) fn sound(at_s: f64, values: &[f32]) -> Vec<u8> {
     let mut bytes = vec![3, 0, 0, 0];
     bytes.extend((values.len() as u32).to_le_bytes());
     bytes.extend(at_s.to_le_bytes());

@@ -12,19 +12,19 @@ const MAX_LETTERS: usize = 60;
 
 /// A learned surface.
 #[derive(Debug)]
-pub struct Learned {
+pub(crate) struct Learned {
     surface: Surface,
     report: LearningReport,
 }
 
 impl Learned {
     /// The text of its file.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         native::write(&self.surface)
     }
 
     /// The report of the learning, as HTML.
-    pub fn page(&self) -> String {
+    pub(crate) fn page(&self) -> String {
         haptograph_report::learning::page(&self.surface, &self.report)
     }
 }
@@ -33,7 +33,7 @@ impl Learned {
 ///
 /// # Errors
 /// A description of the error in the table, without the file's folder, or a note that the table contains no drag.
-pub fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
+pub(crate) fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
     let folder = table.parent().unwrap_or(Path::new("")).to_string_lossy();
     let shown = |error: &dyn Display| match &*folder {
         "" => error.to_string(),
@@ -50,12 +50,12 @@ pub fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
 }
 
 /// Message if the recording teaches no texture.
-pub const NO_DRAG: &str = "cannot learn a texture: the recording holds no drag with force and speed";
+pub(crate) const NO_DRAG: &str = "cannot learn a texture: the recording holds no drag with force and speed";
 /// Message if no file name is free.
-pub const FULL: &str = "a thousand surfaces with this name exist; remove or rename some";
+pub(crate) const FULL: &str = "a thousand surfaces with this name exist; remove or rename some";
 
 /// The files that a surface may get, in the order in which they are tried.
-pub fn paths(folder: &Path, stem: &str) -> impl Iterator<Item = PathBuf> {
+pub(crate) fn paths(folder: &Path, stem: &str) -> impl Iterator<Item = PathBuf> {
     (0..1000).map(move |number| match number {
         0 => folder.join(format!("{stem}.ron")),
         number => folder.join(format!("{stem}-{number}.ron")),
@@ -63,7 +63,7 @@ pub fn paths(folder: &Path, stem: &str) -> impl Iterator<Item = PathBuf> {
 }
 
 /// Letters, digits and hyphens of a file's name without its extension.
-pub fn stem(name: &str) -> String {
+pub(crate) fn stem(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let name = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let kept = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' });

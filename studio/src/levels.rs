@@ -19,7 +19,7 @@ const DIGITS: i32 = 3;
 
 /// Level of a port since the last message.
 #[derive(Debug, Clone, Default)]
-pub struct Level {
+pub(crate) struct Level {
     square: f64,
     count: u64,
     peak: f64,
@@ -32,7 +32,7 @@ pub struct Level {
 
 impl Level {
     /// Adds frames of a port.
-    pub fn take(&mut self, kind: Kind, frames: &[f64]) {
+    pub(crate) fn take(&mut self, kind: Kind, frames: &[f64]) {
         for frame in frames.chunks_exact(kind.width()) {
             if !frame.iter().all(|x| x.is_finite()) {
                 self.not_finite += 1;
@@ -47,7 +47,7 @@ impl Level {
 
     /// RMS and peak since the last snapshot, or the previous values if a slow port had no frame since; `None`
     /// after a long time without frames.
-    pub fn snapshot(&mut self) -> Option<[f64; 2]> {
+    pub(crate) fn snapshot(&mut self) -> Option<[f64; 2]> {
         self.idle = if self.count > 0 { 0 } else { self.idle + 1 };
         if self.count > 0 {
             self.latest = [(self.square / self.count as f64).sqrt(), self.peak.sqrt()];
@@ -58,7 +58,7 @@ impl Level {
 }
 
 /// The ports that have a level, with label and unit.
-pub fn described(ports: &[Port]) -> Vec<Value> {
+pub(crate) fn described(ports: &[Port]) -> Vec<Value> {
     let port = |port: &Port| {
         let level = port.kind.spec().level;
         let unit = level.unit.map_or_else(|| port.quantity.unit(), str::to_owned);
@@ -69,14 +69,14 @@ pub fn described(ports: &[Port]) -> Vec<Value> {
 
 /// Costs of the nodes: the sums at the last update, and means of the increments.
 #[derive(Debug, Default)]
-pub struct Costs {
+pub(crate) struct Costs {
     sums: BTreeMap<String, f64>,
     means: BTreeMap<String, f64>,
 }
 
 impl Costs {
     /// Updates from the session; returns each node's share of the total.
-    pub fn update(&mut self, session: &Session, graph: &Graph) -> BTreeMap<String, f64> {
+    pub(crate) fn update(&mut self, session: &Session, graph: &Graph) -> BTreeMap<String, f64> {
         let nodes = graph.nodes();
         let paths = session.node_costs().into_iter();
         self.take(paths.map(|(node, ns)| (nodes[node].path.clone(), ns)).collect())
@@ -98,7 +98,7 @@ impl Costs {
 }
 
 /// Rounds a number to few digits, so that it is short as text.
-pub fn short(value: f64) -> f64 {
+pub(crate) fn short(value: f64) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return 0.0;
     }

@@ -6,6 +6,7 @@
 //! zeros until they are armed from the page. The page plays the delivered signal of a sink, after its limits.
 //! Both use the protocol of `docs/studio-protocol.md`.
 
+#![cfg_attr(not(any(test, target_family = "wasm")), warn(unreachable_pub))]
 // A page does not use all code shared by both hosts.
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 

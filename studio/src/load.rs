@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The set of endpoints that is used unless another is named.
-pub const SIMULATED: &str = "simulated";
+pub(crate) const SIMULATED: &str = "simulated";
 
 /// Inputs of a load besides the text.
 #[derive(Debug, Clone)]
-pub struct Source {
+pub(crate) struct Source {
     pub path: PathBuf,
     pub registry: Registry,
     /// Parameters that override the defaults.
@@ -28,7 +28,7 @@ pub struct Source {
 }
 
 /// A checked graph.
-pub struct Loaded {
+pub(crate) struct Loaded {
     pub graph: Graph,
     /// Its own text.
     pub text: String,
@@ -42,14 +42,14 @@ pub struct Loaded {
 
 impl Loaded {
     /// True if pointers represent this endpoint.
-    pub fn is_pad(&self, endpoint: &str) -> bool {
+    pub(crate) fn is_pad(&self, endpoint: &str) -> bool {
         self.pads.iter().any(|pad| pad.endpoint == endpoint)
     }
 }
 
 impl Source {
     /// The source of a graph's file, with parameters that override the defaults.
-    pub fn new(path: PathBuf, registry: &Registry, set: Vec<(String, String)>) -> Self {
+    pub(crate) fn new(path: PathBuf, registry: &Registry, set: Vec<(String, String)>) -> Self {
         Self {
             path,
             registry: registry.clone(),
@@ -61,7 +61,7 @@ impl Source {
     }
 
     /// Runs `work` with file access restricted to the folders that a text may name.
-    pub fn confined<T>(&self, work: impl FnOnce() -> T) -> T {
+    pub(crate) fn confined<T>(&self, work: impl FnOnce() -> T) -> T {
         match &self.roots {
             Some(roots) => roots.confine(work),
             None => work(),
@@ -69,12 +69,12 @@ impl Source {
     }
 
     /// Reads the text of the graph's file.
-    pub fn read(&self) -> std::io::Result<String> {
+    pub(crate) fn read(&self) -> std::io::Result<String> {
         files::read_text(&self.path, LoadOptions::default().max_bytes)
     }
 
     /// The same source with another value of a parameter.
-    pub fn with(&self, name: String, value: String) -> Self {
+    pub(crate) fn with(&self, name: String, value: String) -> Self {
         let mut with = self.clone();
         with.set.retain(|(known, _)| *known != name);
         with.set.push((name, value));
@@ -82,12 +82,12 @@ impl Source {
     }
 
     /// The same source with other parameters.
-    pub fn with_set(&self, set: Vec<(String, String)>) -> Self {
+    pub(crate) fn with_set(&self, set: Vec<(String, String)>) -> Self {
         Self { set, ..self.clone() }
     }
 
     /// Loads a text in place of the file. Parameters that it does not have are ignored.
-    pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
+    pub(crate) fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
         self.confined(|| self.load_confined(text))
     }
 
@@ -123,7 +123,7 @@ impl Source {
     }
 
     /// Options to check a document, with those of the parameters that it has.
-    pub fn options(&self, document: &Document) -> CheckOptions {
+    pub(crate) fn options(&self, document: &Document) -> CheckOptions {
         let set = self.set.iter();
         let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
         let options = CheckOptions::default().endpoints(&self.endpoints);
@@ -150,13 +150,13 @@ impl Source {
     }
 
     /// The name of the file without its extension.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         let stem = self.path.file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
     /// The folder to which paths in the graph are relative.
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
         folder.unwrap_or(Path::new("."))
     }

@@ -8,9 +8,9 @@ use haptograph_nodes::simulated::touchable::Touchable;
 use haptograph_signal::vector::{reject, scale, sub};
 
 /// Force at full pressure of a pen, N, since tablets do not report newtons.
-pub const FULL_N: f64 = 3.0;
+pub(crate) const FULL_N: f64 = 3.0;
 /// Gap between pointer events above which the hand is assumed to have been elsewhere, s.
-pub const MAX_APART_S: f64 = 0.06;
+pub(crate) const MAX_APART_S: f64 = 0.06;
 /// Smallest interpolation step between two pointer events, s.
 const LEAST_STEP_S: f64 = 1e-3;
 /// Height of the tip over a surface while its pointer is lifted, m.
@@ -20,7 +20,7 @@ const DOWN_M_S: f64 = 0.1;
 
 /// An endpoint represented by pointers.
 #[derive(Debug)]
-pub struct Pad {
+pub(crate) struct Pad {
     channels: Vec<(AnyInput, Gives)>,
     /// The surface that the pad lies on.
     on: Option<Touchable>,
@@ -33,7 +33,7 @@ pub struct Pad {
 
 impl Pad {
     /// The pad of an endpoint.
-    pub fn of(graph: &Graph, spec: &PadSpec) -> Result<Self, HostError> {
+    pub(crate) fn of(graph: &Graph, spec: &PadSpec) -> Result<Self, HostError> {
         let channel = |(name, gives): &(&'static str, Gives)| {
             let input = graph.any_input(&format!("{}.{name}", spec.endpoint))?;
             Ok((input, *gives))
@@ -50,12 +50,12 @@ impl Pad {
     }
 
     /// Moves the pad to the same endpoint of another graph.
-    pub fn lay_on(&mut self, spec: &PadSpec) {
+    pub(crate) fn lay_on(&mut self, spec: &PadSpec) {
         self.on.clone_from(&spec.on);
     }
 
     /// Adds a pointer event at a time of the run, s, and interpolates linearly from the previous one.
-    pub fn move_to(&mut self, at_s: f64, pointer: &Pointer) {
+    pub(crate) fn move_to(&mut self, at_s: f64, pointer: &Pointer) {
         let (from_s, from) = self.latest;
         let at_s = at_s.max(from_s);
         let apart_s = at_s - from_s;

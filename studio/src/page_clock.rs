@@ -11,7 +11,7 @@ const DRIFT: f64 = 5e-4;
 
 /// Estimate of the offset between a page's clock and the time of the run.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct PageClock {
+pub(crate) struct PageClock {
     /// Offset of the fastest message, and its time, s.
     offset: Option<(f64, f64)>,
     /// Time of the latest pointer by the page's clock, and its arrival by the run's, s.
@@ -24,7 +24,7 @@ pub struct PageClock {
 impl PageClock {
     /// Time of the run at which to apply a pointer that occurred at `at_s` of the page's clock and arrives at
     /// `now_s`.
-    pub fn due_s(&mut self, at_s: f64, now_s: f64) -> f64 {
+    pub(crate) fn due_s(&mut self, at_s: f64, now_s: f64) -> f64 {
         let offset = now_s - at_s;
         let known = self.offset.map(|(known, since_s)| known + DRIFT * (now_s - since_s).max(0.0));
         // The clock or the run was restarted.

@@ -4,7 +4,7 @@ use super::page_clock::PageClock;
 use super::wire::{Message, ScopeRequest};
 
 /// Channel for the messages to a page.
-pub trait Line: Send {
+pub(crate) trait Line: Send {
     /// Sends a message without blocking.
     ///
     /// # Errors
@@ -14,7 +14,7 @@ pub trait Line: Send {
 
 /// Reason why a message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LineError {
+pub(crate) enum LineError {
     /// The page does not read.
     Full,
     /// The page is closed.
@@ -23,7 +23,7 @@ pub enum LineError {
 
 /// Location of a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reach {
+pub(crate) enum Reach {
     /// On the machine of the engine.
     Machine,
     /// On another machine, over a network that others can record.
@@ -31,7 +31,7 @@ pub enum Reach {
 }
 
 /// A connected page.
-pub struct Page {
+pub(crate) struct Page {
     pub id: u64,
     pub reach: Reach,
     pub line: Box<dyn Line>,
@@ -46,7 +46,7 @@ pub struct Page {
 
 /// The pages of a stage.
 #[derive(Default)]
-pub struct Pages {
+pub(crate) struct Pages {
     pub list: Vec<Page>,
     /// The page that controls the pads and the settings.
     pub owner: Option<u64>,
@@ -57,7 +57,7 @@ pub struct Pages {
 impl Page {
     /// Sends a message to a page that may not read. Lost samples are counted; if a text is lost, such as the new graph,
     /// the page is disconnected and receives the full state when it reconnects.
-    pub fn send(&mut self, message: Message) {
+    pub(crate) fn send(&mut self, message: Message) {
         let is_text = matches!(message, Message::Text(_));
         match self.line.send(message) {
             Ok(()) => {}

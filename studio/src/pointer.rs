@@ -1,14 +1,14 @@
 //! Pointer events of pads.
 
 /// Bounds of a pointer.
-pub const MAX_M: f64 = 1.0;
-pub const MAX_N: f64 = 20.0;
+pub(crate) const MAX_M: f64 = 1.0;
+pub(crate) const MAX_N: f64 = 20.0;
 /// 0 for an upright pen, 90 for a horizontal one.
-pub const MAX_DEG: f64 = 90.0;
+pub(crate) const MAX_DEG: f64 = 90.0;
 
 /// A pointer event.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pointer {
+pub(crate) struct Pointer {
     /// Time by the clock of the page, s.
     pub at_s: f64,
     pub position_m: [f64; 2],
@@ -19,7 +19,7 @@ pub struct Pointer {
 
 impl Pointer {
     /// Linear interpolation towards another pointer event.
-    pub fn towards(&self, to: &Self, part: f64) -> Self {
+    pub(crate) fn towards(&self, to: &Self, part: f64) -> Self {
         let between = |a: f64, b: f64| a + part * (b - a);
         let both = |a: [f64; 2], b: [f64; 2]| [between(a[0], b[0]), between(a[1], b[1])];
         Self {

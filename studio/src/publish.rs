@@ -12,13 +12,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Period of [`Publisher::publish`].
-pub const STEP: Duration = Duration::from_millis(10);
+pub(crate) const STEP: Duration = Duration::from_millis(10);
 /// Number of periods between two status messages.
 const STATUS: u32 = 10;
 
 /// Sends new data to the pages.
 #[derive(Debug, Default)]
-pub struct Publisher {
+pub(crate) struct Publisher {
     looks: u32,
     /// Time since the last status.
     passed: Duration,
@@ -26,7 +26,7 @@ pub struct Publisher {
 
 impl Publisher {
     /// Call it about every [`STEP`]; `passed` is the time since the last call.
-    pub fn publish(&mut self, stage: &mut Stage, passed: Duration) {
+    pub(crate) fn publish(&mut self, stage: &mut Stage, passed: Duration) {
         stage.look();
         send_samples(stage);
         stage.end_what_is_over();
@@ -52,7 +52,7 @@ impl Publisher {
 }
 
 /// Sends the data that the last [`Stage::look`] collected.
-pub fn send_samples(stage: &mut Stage) {
+pub(crate) fn send_samples(stage: &mut Stage) {
     let Stage { pages, signals, .. } = stage;
     let Signals { scopes, sound, .. } = signals;
     let sound = sound.as_ref().and_then(|sound| {

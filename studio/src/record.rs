@@ -17,23 +17,23 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// File in a run's folder with the recording.
-pub const STROKES: &str = "strokes.json";
+pub(crate) const STROKES: &str = "strokes.json";
 /// File in which the recording of a run that goes on is kept: a line with its graph, then one for each part.
 pub const APPENDED: &str = "strokes.part";
 /// Maximum length of such a line, bytes: a graph's text as JSON.
 #[cfg(not(target_family = "wasm"))]
 const MAX_LINE_BYTES: usize = 6 * files::MAX_GRAPH_BYTES as usize;
 /// Version of the format.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 /// Maximum number of events: more than half an hour of a pen.
-pub const MAX_EVENTS: usize = 500_000;
+pub(crate) const MAX_EVENTS: usize = 500_000;
 /// Maximum duration of a replay, s.
 const MAX_REPLAY_S: f64 = 36_000.0;
 
 /// A pointer event, in integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "Written", into = "Written")]
-pub struct Move {
+pub(crate) struct Move {
     /// Driver frame before which it happened.
     pub frame: u64,
     pub pad: usize,
@@ -72,12 +72,12 @@ impl From<Move> for Written {
 }
 
 /// A changed setting: driver frame, live setting, value.
-pub type SettingChange = (u64, String, f64);
+pub(crate) type SettingChange = (u64, String, f64);
 
 /// A recording with the graph that it was made with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Recording {
+pub(crate) struct Recording {
     pub format: u32,
     /// Version that made the recording.
     pub haptograph: String,
@@ -95,7 +95,7 @@ pub struct Recording {
 
 impl Move {
     /// The stored form of a pointer event of a pad, before `frame` and due at a time of the run.
-    pub fn new(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Self {
+    pub(crate) fn new(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Self {
         Self {
             frame,
             pad,
@@ -107,7 +107,7 @@ impl Move {
     }
 
     /// Time, s, and pointer of the event.
-    pub fn pointer(&self) -> (f64, Pointer) {
+    pub(crate) fn pointer(&self) -> (f64, Pointer) {
         let due_s = self.due_us as f64 * 1e-6;
         let pointer = Pointer {
             at_s: due_s,
@@ -133,7 +133,7 @@ const APPEND_S: f64 = 5.0;
 
 /// The file to which a recording is appended.
 #[derive(Debug)]
-pub struct Appended {
+pub(crate) struct Appended {
     /// Locked while the recording goes on.
     file: File,
     /// Length of its whole lines, bytes.
@@ -145,7 +145,7 @@ pub struct Appended {
 
 impl Appended {
     /// Creates the file in a folder.
-    pub fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
+    pub(crate) fn begin(folder: &Path, recording: &Recording) -> io::Result<Self> {
         let file = File::create_new(folder.join(APPENDED))?;
         file.try_lock().map_err(io::Error::from)?;
         let mut appended = Self { file, length: 0, frames: 0, moves: 0, settings: 0 };
@@ -163,7 +163,7 @@ impl Appended {
         Ok(())
     }
 
-    pub fn append(&mut self, recording: &Recording, frames: u64) -> io::Result<()> {
+    pub(crate) fn append(&mut self, recording: &Recording, frames: u64) -> io::Result<()> {
         let is_idle = (self.moves, self.settings) == (recording.moves.len(), recording.settings.len());
         if is_idle && (frames.saturating_sub(self.frames) as f64) < APPEND_S * recording.rate_hz {
             return Ok(());
@@ -214,7 +214,7 @@ pub fn recover(folder: &Path) -> io::Result<f64> {
 
 /// Reason why a recording cannot be replayed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RecordingError {
+pub(crate) enum RecordingError {
     /// The format is newer than this version.
     #[error("the recording has format {0}, this version reads {FORMAT}; update haptograph")]
     Format(u32),
@@ -228,7 +228,7 @@ pub enum RecordingError {
 
 impl Recording {
     /// An empty recording of a run that starts.
-    pub fn begin(source: &Source, text: &str, rate_hz: f64) -> Self {
+    pub(crate) fn begin(source: &Source, text: &str, rate_hz: f64) -> Self {
         Self {
             format: FORMAT,
             haptograph: env!("CARGO_PKG_VERSION").to_owned(),
@@ -243,27 +243,27 @@ impl Recording {
     }
 
     /// Adds a setting changed before this frame.
-    pub fn add_setting_change(&mut self, frame: u64, name: &str, value: f64) {
+    pub(crate) fn add_setting_change(&mut self, frame: u64, name: &str, value: f64) {
         self.settings.push((frame, name.to_owned(), value));
     }
 
     /// True if the maximum number of events is reached.
-    pub fn is_full(&self) -> bool {
+    pub(crate) fn is_full(&self) -> bool {
         self.moves.len() + self.settings.len() >= MAX_EVENTS
     }
 
     /// True if the recording was made with this graph.
-    pub fn is_of(&self, source: &Source, text: &str) -> bool {
+    pub(crate) fn is_of(&self, source: &Source, text: &str) -> bool {
         (&*self.graph, &*self.text, &self.set) == (&*source.name(), text, &source.set)
     }
 
     /// Duration, s.
-    pub fn seconds(&self) -> f64 {
+    pub(crate) fn seconds(&self) -> f64 {
         self.frames as f64 / self.rate_hz
     }
 
     /// Checks that a graph at this rate can replay the recording.
-    pub fn check(&self, rate_hz: f64) -> Result<(), RecordingError> {
+    pub(crate) fn check(&self, rate_hz: f64) -> Result<(), RecordingError> {
         if self.format != FORMAT {
             return Err(RecordingError::Format(self.format));
         }
@@ -296,7 +296,7 @@ impl Recording {
 
 /// The recording of a run, and where it is kept.
 #[derive(Default)]
-pub struct Recorder {
+pub(crate) struct Recorder {
     /// The folder for recorded runs, and the folder of this run.
     pub out: Option<PathBuf>,
     pub folder: Option<PathBuf>,

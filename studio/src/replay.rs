@@ -4,14 +4,14 @@ use super::record::{Move, Recording, SettingChange};
 
 /// A replay in progress.
 #[derive(Debug)]
-pub struct Replay {
+pub(crate) struct Replay {
     recording: Recording,
     moves: usize,
     settings: usize,
 }
 
 /// The next step of a replay.
-pub enum ReplayStep<'a> {
+pub(crate) enum ReplayStep<'a> {
     Move(&'a Move),
     Setting(&'a SettingChange),
     /// Run up to this frame: no event comes before it.
@@ -21,12 +21,12 @@ pub enum ReplayStep<'a> {
 }
 
 impl Replay {
-    pub fn of(recording: Recording) -> Self {
+    pub(crate) fn of(recording: Recording) -> Self {
         Self { recording, moves: 0, settings: 0 }
     }
 
     /// The next step before `frame` is run.
-    pub fn next(&mut self, frame: u64) -> ReplayStep<'_> {
+    pub(crate) fn next(&mut self, frame: u64) -> ReplayStep<'_> {
         let Recording { moves, settings, frames, .. } = &self.recording;
         let (next_move, next_setting) = (moves.get(self.moves), settings.get(self.settings));
         if let Some(made) = next_move.filter(|made| made.frame <= frame) {
@@ -45,7 +45,7 @@ impl Replay {
     }
 
     /// Fraction of the replay that is done, 0 to 1.
-    pub fn part(&self, frame: u64) -> f64 {
+    pub(crate) fn part(&self, frame: u64) -> f64 {
         (frame as f64 / self.recording.frames.max(1) as f64).min(1.0)
     }
 }

@@ -5,7 +5,7 @@ use super::replay::Replay;
 
 /// State of the run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum State {
+pub(crate) enum State {
     Running,
     /// Stopped by a page: actuators are at zero.
     #[default]
@@ -16,7 +16,7 @@ pub enum State {
 
 /// State of the run, and what follows it.
 #[derive(Debug, Default)]
-pub struct RunCycle {
+pub(crate) struct RunCycle {
     pub state: State,
     /// True from a stop until the next run begins.
     pub is_stopping: bool,
@@ -29,7 +29,7 @@ pub struct RunCycle {
 
 /// The run that follows when the outputs of the present one have fallen to zero.
 #[derive(Debug, Default)]
-pub enum NextRun {
+pub(crate) enum NextRun {
     /// No run.
     #[default]
     None,

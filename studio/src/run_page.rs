@@ -14,17 +14,17 @@ use serde_json::json;
 use std::path::Path;
 
 /// File name of the page.
-pub const REPORT: &str = "report.html";
+pub(crate) const REPORT: &str = "report.html";
 
 /// The signals recorded for the page, with their ports and writers.
-pub struct PageSignals {
+pub(crate) struct PageSignals {
     plotted: PlottedSignals,
     writers: Vec<(String, Box<dyn FrameWriter>)>,
 }
 
 impl PageSignals {
     /// The signals that a run's page shows and plays.
-    pub fn of(graph: &Graph) -> Self {
+    pub(crate) fn of(graph: &Graph) -> Self {
         let mut writers = Vec::new();
         let attach = |watch: &WatchedOutput, writer| writers.push((watch.stream.name.clone(), writer));
         let plotted = PlottedSignals::of(graph, attach);
@@ -32,7 +32,7 @@ impl PageSignals {
     }
 
     /// Adds the new frames of the scopes.
-    pub fn take(&mut self, scopes: &[Scope]) {
+    pub(crate) fn take(&mut self, scopes: &[Scope]) {
         for (port, writer) in &mut self.writers {
             if let Some(scope) = scopes.iter().find(|scope| scope.port.name == *port) {
                 // The writers write to memory and cannot fail.
@@ -43,7 +43,7 @@ impl PageSignals {
 }
 
 /// Writes the facts and the page of a run into its folder.
-pub fn write(
+pub(crate) fn write(
     folder: &Path,
     source: &Source,
     graph: &Graph,

@@ -9,7 +9,7 @@ use haptograph_engine::host::AnyOutput;
 /// Number of intervals per second of a thinned port.
 const THINNED_HZ: f64 = 2000.0;
 /// Ports with a higher rate are thinned.
-pub const MAX_HZ: f64 = 4000.0;
+pub(crate) const MAX_HZ: f64 = 4000.0;
 /// Buffer length for new frames without allocation, s.
 const ROOM_S: f64 = 0.1;
 /// Difference between the frame count and the time of the run that indicates lost frames, s.
@@ -17,7 +17,7 @@ const APART_S: f64 = 0.25;
 
 /// A port of a graph.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Port {
+pub(crate) struct Port {
     pub name: String,
     pub node: String,
     pub kind: Kind,
@@ -27,13 +27,13 @@ pub struct Port {
 
 impl Port {
     /// True if its frames can be displayed, component by component.
-    pub fn is_shown(&self) -> bool {
+    pub(crate) fn is_shown(&self) -> bool {
         self.kind.is_linear()
     }
 }
 
 /// The ports of a graph.
-pub fn ports(graph: &Graph) -> Vec<Port> {
+pub(crate) fn ports(graph: &Graph) -> Vec<Port> {
     let nodes = graph.nodes().iter();
     let all = nodes.flat_map(|node| node.outputs.iter().filter_map(|output| port(graph, node, output)));
     all.collect()
@@ -52,7 +52,7 @@ fn port(graph: &Graph, node: &haptograph_engine::graph::Node, output: &Output) -
 
 /// A port with its incoming frames.
 #[derive(Debug)]
-pub struct Scope {
+pub(crate) struct Scope {
     pub port: Port,
     pub level: Level,
     frames: AnyOutput,
@@ -119,12 +119,12 @@ impl Thinning {
 
 impl Scope {
     /// A scope that begins with the first frame of the run, so that its frames have exact times.
-    pub fn from_start(port: Port, frames: AnyOutput) -> Self {
+    pub(crate) fn from_start(port: Port, frames: AnyOutput) -> Self {
         Self { begin_s: Some(0.0), ..Self::of(port, frames) }
     }
 
     /// A scope that begins with the next frame of a port.
-    pub fn of(port: Port, frames: AnyOutput) -> Self {
+    pub(crate) fn of(port: Port, frames: AnyOutput) -> Self {
         let (lanes, rate_hz) = (port.kind.width(), port.rate_hz);
         Self {
             port,
@@ -140,7 +140,7 @@ impl Scope {
     }
 
     /// Reads the new frames and returns them. Does not allocate if it is called at least every 100 ms.
-    pub fn take_in(&mut self) -> &[f64] {
+    pub(crate) fn take_in(&mut self) -> &[f64] {
         let lanes = self.lanes();
         if self.seen > 0 {
             self.count += (self.seen / lanes) as u64;
@@ -161,7 +161,7 @@ impl Scope {
     }
 
     /// Processes the frames up to `now_s`.
-    pub fn look(&mut self, now_s: f64) {
+    pub(crate) fn look(&mut self, now_s: f64) {
         self.take_in();
         let lanes = self.lanes();
         self.seen = self.fresh.len();
@@ -177,22 +177,22 @@ impl Scope {
         }
     }
 
-    pub fn lanes(&self) -> usize {
+    pub(crate) fn lanes(&self) -> usize {
         self.port.kind.width()
     }
 
     /// The new frames, with interleaved components.
-    pub fn fresh(&self) -> &[f64] {
+    pub(crate) fn fresh(&self) -> &[f64] {
         &self.fresh
     }
 
     /// Time of the run at the first new frame, s.
-    pub fn fresh_s(&self) -> f64 {
+    pub(crate) fn fresh_s(&self) -> f64 {
         self.begin_s.unwrap_or(0.0) + self.count as f64 / self.port.rate_hz
     }
 
     /// The message for a page that has this port at `place` of its list; `None` without new frames.
-    pub fn message(&self, place: usize, raw: bool) -> Option<Vec<u8>> {
+    pub(crate) fn message(&self, place: usize, raw: bool) -> Option<Vec<u8>> {
         let is_thinned = !raw && self.port.rate_hz > MAX_HZ;
         let interval_s = 1.0 / self.port.rate_hz;
         if is_thinned {

@@ -29,7 +29,7 @@ use std::time::Duration;
 
 /// Abilities of the host of an engine.
 #[derive(Debug, Clone, Copy)]
-pub struct Host {
+pub(crate) struct Host {
     /// Name in the message `hello`.
     pub name: &'static str,
     /// True if the caller runs the frames, as a page's audio thread does.
@@ -41,7 +41,7 @@ pub struct Host {
 }
 
 /// The running graph and its pages.
-pub struct Stage {
+pub(crate) struct Stage {
     pub host: Host,
     pub source: Source,
     pub loaded: Loaded,
@@ -59,7 +59,7 @@ pub struct Stage {
 
 /// The signals of the run that pages write, see and hear.
 #[derive(Default)]
-pub struct Signals {
+pub(crate) struct Signals {
     pub pads: Vec<Pad>,
     pub scopes: Vec<Scope>,
     pub costs: Costs,
@@ -75,7 +75,7 @@ pub struct Signals {
 
 impl Stage {
     /// Opens and runs the graph of a file.
-    pub fn open(source: Source, host: Host) -> Result<Self, StageError> {
+    pub(crate) fn open(source: Source, host: Host) -> Result<Self, StageError> {
         let text = source
             .read()
             .map_err(|error| other(format!("cannot read {}: {error}", source.path.display())))?;
@@ -99,20 +99,20 @@ impl Stage {
     }
 
     /// Time of the run, s.
-    pub fn now_s(&self) -> f64 {
+    pub(crate) fn now_s(&self) -> f64 {
         let frames = self.drive.as_ref().map_or(0, |drive| drive.pace.frames());
         frames as f64 / self.signals.rate_hz
     }
 
     /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
-    pub fn keep_time(&mut self, passed: Duration, busy: Duration) {
+    pub(crate) fn keep_time(&mut self, passed: Duration, busy: Duration) {
         if let Some(drive) = &mut self.drive {
             drive.keep_time(passed, busy, self.signals.rate_hz);
         }
     }
 
     /// Collects the new data of the run.
-    pub fn look(&mut self) {
+    pub(crate) fn look(&mut self) {
         let now_s = self.now_s();
         let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
         for note in notes.into_iter().chain(self.devices.inputs.poll()) {
@@ -130,7 +130,7 @@ impl Stage {
     }
 
     /// Ends runs and replays that are over, after their last data have been sent to the pages.
-    pub fn end_what_is_over(&mut self) {
+    pub(crate) fn end_what_is_over(&mut self) {
         if self.cycle.state == State::Running && self.drive.as_ref().is_some_and(Drive::is_over) {
             self.end();
         }
@@ -140,7 +140,7 @@ impl Stage {
         }
     }
 
-    pub fn look_at_scopes(&mut self, now_s: f64) {
+    pub(crate) fn look_at_scopes(&mut self, now_s: f64) {
         for scope in &mut self.signals.scopes {
             scope.look(now_s);
         }
@@ -157,7 +157,7 @@ impl Stage {
 
     /// Runs `frames` frames if the caller drives; returns the samples to play, where 1 is the peak limit.
     /// Real-time code: it does not allocate if [`look`](Self::look) is called often enough.
-    pub fn process(&mut self, frames: usize) -> impl Iterator<Item = f64> {
+    pub(crate) fn process(&mut self, frames: usize) -> impl Iterator<Item = f64> {
         self.run(frames);
         let scopes = &mut self.signals.scopes;
         let played = self.signals.sound.as_ref().and_then(|sound| {
@@ -170,7 +170,7 @@ impl Stage {
 
     /// Applies pointer events of a page to a pad; ignored for pages that do not own the pads, and during a
     /// replay.
-    pub fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
+    pub(crate) fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
         if self.pages.owner != Some(page) || self.cycle.replay.is_some() {
             return;
         }
@@ -198,7 +198,7 @@ impl Stage {
     }
 
     /// Statistics of the delays from pointer arrival to tick since the last call.
-    pub fn pointer_latency(&mut self) -> Value {
+    pub(crate) fn pointer_latency(&mut self) -> Value {
         let mut all = std::mem::take(&mut self.signals.latencies_s);
         all.sort_by(f64::total_cmp);
         let middle = all.get(all.len() / 2).copied().unwrap_or(0.0);
@@ -207,7 +207,7 @@ impl Stage {
     }
 
     /// Sets a live setting.
-    pub fn set(&mut self, name: &str, value: f64) -> Result<(), StageError> {
+    pub(crate) fn set(&mut self, name: &str, value: f64) -> Result<(), StageError> {
         let (Some(session), Some(drive)) = (&mut self.session, &self.drive) else {
             return Err(other("the run is stopped"));
         };

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::time::Duration;
 
 /// The action that a message requires.
-pub enum Response {
+pub(crate) enum Response {
     /// No action.
     None,
     /// Send this answer.
@@ -27,7 +27,7 @@ pub enum Response {
 }
 
 /// Work on the text of a graph. It applies to the graph that runs when its turn comes.
-pub enum Work {
+pub(crate) enum Work {
     /// Check this text.
     Check(String),
     /// Swap this text in.
@@ -40,7 +40,7 @@ pub enum Work {
 
 impl Work {
     /// The source and text of the graph to load.
-    pub fn graph(self, stage: &Stage) -> (Source, String) {
+    pub(crate) fn graph(self, stage: &Stage) -> (Source, String) {
         match self {
             Self::Check(text) | Self::Apply(text) | Self::Save(text) => (stage.source.clone(), text),
             Self::Parameter(name, value) => (stage.source.with(name, value), stage.loaded.text.clone()),
@@ -49,7 +49,7 @@ impl Work {
 }
 
 /// A parsed message.
-pub enum Incoming {
+pub(crate) enum Incoming {
     /// Pointers on the pad with this number.
     Pointers(usize, Vec<Pointer>),
     /// A JSON message; `None` if its type is unknown.
@@ -57,19 +57,19 @@ pub enum Incoming {
 }
 
 /// Adds a page; returns its number and the first messages to it.
-pub fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u64, [Message; 2]) {
+pub(crate) fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u64, [Message; 2]) {
     let hello = describe::hello(&stage.source.registry, &stage.host, reach);
     let graph = describe::graph(stage);
     (stage.join(line, reach), [text(&hello), text(&graph)])
 }
 
 /// Handles a message, except for work that takes long.
-pub fn hear(stage: &mut Stage, page: u64, message: &Message) -> Response {
+pub(crate) fn hear(stage: &mut Stage, page: u64, message: &Message) -> Response {
     act_on(stage, page, read(message))
 }
 
 /// Parses a message, which takes a while for a long one.
-pub fn read(message: &Message) -> Result<Incoming, WireError> {
+pub(crate) fn read(message: &Message) -> Result<Incoming, WireError> {
     match message {
         Message::Binary(bytes) => wire::pointers(bytes).map(|(pad, points)| Incoming::Pointers(pad, points)),
         Message::Text(message) => wire::parse_text(message).map(Incoming::Json),
@@ -78,12 +78,12 @@ pub fn read(message: &Message) -> Result<Incoming, WireError> {
 
 /// True for a message that takes real actuators to zero, whoever sends it.
 #[cfg(not(target_family = "wasm"))]
-pub fn disarms(incoming: &Result<Incoming, WireError>) -> bool {
+pub(crate) fn disarms(incoming: &Result<Incoming, WireError>) -> bool {
     matches!(incoming, Ok(Incoming::Json(Some(ClientMessage::Stop | ClientMessage::Disarm))))
 }
 
 /// Handles a parsed message, except for work that takes long.
-pub fn act_on(stage: &mut Stage, page: u64, incoming: Result<Incoming, WireError>) -> Response {
+pub(crate) fn act_on(stage: &mut Stage, page: u64, incoming: Result<Incoming, WireError>) -> Response {
     match incoming {
         Ok(Incoming::Pointers(pad, points)) => {
             stage.point(page, pad, &points);
@@ -145,7 +145,7 @@ fn refused_because(message: &ClientMessage, why: &str) -> Response {
 ///
 /// # Errors
 /// [`StageError`] if the page left or another page took over.
-pub fn is_owner(stage: &Stage, page: u64) -> Result<(), StageError> {
+pub(crate) fn is_owner(stage: &Stage, page: u64) -> Result<(), StageError> {
     match stage.pages.owner == Some(page) {
         true => Ok(()),
         false => Err(StageError::Other(NOT_OWNER.to_owned())),
@@ -197,21 +197,21 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
 ///
 /// # Errors
 /// [`StageError`] if it cannot be swapped in.
-pub fn put(stage: &mut Stage, source: Source, loaded: Loaded) -> Result<String, StageError> {
+pub(crate) fn put(stage: &mut Stage, source: Source, loaded: Loaded) -> Result<String, StageError> {
     let change = stage.swap(source, loaded)?;
     tell_graph(stage);
     Ok(change)
 }
 
 /// The answer to a check, with its duration, if known.
-pub fn checked(request: u64, wrong: Option<&Diagnostics>, took: Option<Duration>) -> Value {
+pub(crate) fn checked(request: u64, wrong: Option<&Diagnostics>, took: Option<Duration>) -> Value {
     let diagnostics = wrong.map_or(Value::Array(Vec::new()), listed);
     let ms = took.map(|took| took.as_secs_f64() * 1e3);
     json!({ "type": "reply", "request": request, "ok": wrong.is_none(), "diagnostics": diagnostics, "ms": ms })
 }
 
 /// The reply to a request, successful or not.
-pub fn reply(request: u64, result: Result<String, StageError>) -> Value {
+pub(crate) fn reply(request: u64, result: Result<String, StageError>) -> Value {
     let mut reply = json!({
         "type": "reply", "request": request, "ok": result.is_ok(), "error": null, "diagnostics": [],
         "beyond": [], "change": null,
@@ -237,7 +237,7 @@ fn listed(wrong: &Diagnostics) -> Value {
 }
 
 /// Sends the running graph to all pages.
-pub fn tell_graph(stage: &mut Stage) {
+pub(crate) fn tell_graph(stage: &mut Stage) {
     let message = text(&describe::graph(stage));
     stage.pages.list.iter_mut().for_each(|page| page.send(message.clone()));
 }

@@ -6,16 +6,16 @@ use serde::Deserialize;
 use serde_json::Value;
 
 /// Version of the protocol.
-pub const VERSION: u32 = 1;
+pub(crate) const VERSION: u32 = 1;
 /// Subprotocol of the WebSocket.
-pub const SUBPROTOCOL: &str = "haptograph.studio.1";
+pub(crate) const SUBPROTOCOL: &str = "haptograph.studio.1";
 /// Maximum size of a message, bytes; recordings to learn from or to replay may be larger.
-pub const MAX_BYTES: usize = 1 << 20;
-pub const MAX_LEARNED_BYTES: usize = 80 << 20;
+pub(crate) const MAX_BYTES: usize = 1 << 20;
+pub(crate) const MAX_LEARNED_BYTES: usize = 80 << 20;
 /// Beginnings of such messages.
 const LONG: [&str; 2] = [r#"{"type":"learn""#, r#"{"type":"replay""#];
 /// Maximum number of ports displayed by a page.
-pub const MAX_SCOPES: usize = 16;
+pub(crate) const MAX_SCOPES: usize = 16;
 
 /// A message in either direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +29,7 @@ pub enum Message {
 impl Message {
     /// Length, bytes.
     #[cfg(not(target_family = "wasm"))]
-    pub fn length(&self) -> usize {
+    pub(crate) fn length(&self) -> usize {
         match self {
             Self::Text(text) => text.len(),
             Self::Binary(bytes) => bytes.len(),
@@ -40,7 +40,7 @@ impl Message {
 /// A JSON message of the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum ClientMessage {
+pub(crate) enum ClientMessage {
     /// Set a live setting.
     Set {
         name: String,
@@ -116,7 +116,7 @@ pub enum ClientMessage {
 impl ClientMessage {
     /// True for messages about files, other graphs, the end of a STOP, or real actuators, which pages on the
     /// network must not send.
-    pub fn is_for_machine(&self) -> bool {
+    pub(crate) fn is_for_machine(&self) -> bool {
         matches!(
             self,
             Self::Apply { .. }
@@ -134,7 +134,7 @@ impl ClientMessage {
     }
 
     /// The number of a message that is answered by a reply.
-    pub fn request(&self) -> Option<u64> {
+    pub(crate) fn request(&self) -> Option<u64> {
         match self {
             Self::Parameter { request, .. }
             | Self::Check { request, .. }
@@ -149,7 +149,7 @@ impl ClientMessage {
 
 /// A port to send.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub struct ScopeRequest {
+pub(crate) struct ScopeRequest {
     pub name: String,
     /// Send every frame, even at high rates.
     #[serde(default)]
@@ -158,7 +158,7 @@ pub struct ScopeRequest {
 
 /// Reason why a message is rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum WireError {
+pub(crate) enum WireError {
     /// Not a message of the protocol.
     #[error("unknown message: {0}")]
     Json(String),
@@ -183,7 +183,7 @@ const POINTER: usize = 28;
 ///
 /// # Errors
 /// [`WireError::Long`].
-pub fn check_length(text: &str) -> Result<(), WireError> {
+pub(crate) fn check_length(text: &str) -> Result<(), WireError> {
     match text.len() > MAX_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
         true => Err(WireError::Long(text.len())),
         false => Ok(()),
@@ -191,7 +191,7 @@ pub fn check_length(text: &str) -> Result<(), WireError> {
 }
 
 /// Parses a text message; `None` if its type is unknown.
-pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
+pub(crate) fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
     #[derive(Deserialize)]
     struct Kind {
         r#type: String,
@@ -227,7 +227,7 @@ pub fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
 }
 
 /// Parses a list of pointers and the number of their pad.
-pub fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
+pub(crate) fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
     let wrong = || WireError::Binary(bytes.len());
     let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(wrong)?;
     let count = usize::from(u16::from_le_bytes([head[2], head[3]]));
@@ -265,7 +265,7 @@ fn pointer(bytes: &[u8]) -> Option<Pointer> {
 }
 
 /// A JSON value as a message.
-pub fn text(value: &Value) -> Message {
+pub(crate) fn text(value: &Value) -> Message {
     Message::Text(value.to_string())
 }
 

@@ -28,7 +28,7 @@ const NEAR: f64 = 1e-3;
 /// The border vertices of a map of `measured` models. Each has the filter of the measured model nearest in raw units
 /// (mm/s and N, as the toolkit does); the variance is copied where speed or force is largest, and zero where either
 /// is zero, so that a tool at rest or in the air is silent.
-pub fn extend(measured: &[ModelAt], hull: &Hull) -> Result<Vec<ModelAt>, TextureError> {
+pub(crate) fn extend(measured: &[ModelAt], hull: &Hull) -> Result<Vec<ModelAt>, TextureError> {
     for (vertex, at) in measured.iter().enumerate() {
         let (speed_m_s, force_n) = (at.speed_m_s, at.force_n);
         if !(speed_m_s > 0.0 && force_n > 0.0 && speed_m_s.is_finite() && force_n.is_finite()) {

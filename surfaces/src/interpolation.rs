@@ -175,16 +175,6 @@ impl Interpolator {
         &self.map
     }
 
-    /// Order of the AR polynomial.
-    pub fn ar_order(&self) -> usize {
-        self.ar_order
-    }
-
-    /// Order of the MA polynomial.
-    pub fn ma_order(&self) -> usize {
-        self.ma_order
-    }
-
     /// The weighted mean of the three models' rows; exactly a model's row at its vertex.
     #[inline(always)]
     fn mix(&self, models: Triangle, [u, v, w]: [f64; 3], mix: &mut [f64; MAX_ROW]) {

@@ -49,7 +49,7 @@ pub struct LayerKind {
 }
 
 /// Makes the layer of a value that could be parsed; `None` if the value says that there is none.
-pub type ParsedLayer = Box<dyn FnOnce() -> Result<Option<Arc<dyn Layer>>, LayerError>>;
+pub(crate) type ParsedLayer = Box<dyn FnOnce() -> Result<Option<Arc<dyn Layer>>, LayerError>>;
 
 /// What a layer changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -158,7 +158,7 @@ pub trait LayerSet {
 }
 
 /// [`LAYERS`].
-pub enum BuiltIn {}
+pub(crate) enum BuiltIn {}
 
 impl LayerSet for BuiltIn {
     const KINDS: &'static [LayerKind] = LAYERS;

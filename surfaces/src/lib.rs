@@ -5,6 +5,8 @@
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Values in memory are SI
 //! (m/s, N, m/s²); files use mm/s and N. The constructor of each type checks its values.
 
+#![cfg_attr(not(test), warn(unreachable_pub))]
+
 pub mod bounds;
 pub mod coverage;
 pub mod files;

@@ -11,11 +11,11 @@ pub use crate::lsf::MAX_ORDER;
 /// Least gap between line spectral frequencies (and to 0 and π), radians. Poles within about a millionth of the unit circle
 /// have smaller gaps; their direct-form coefficients cannot keep the filter stable in double precision. Interpolation
 /// between sets never makes a smaller gap.
-pub const MIN_LSF_GAP_RAD: f64 = 1e-6;
+pub(crate) const MIN_LSF_GAP_RAD: f64 = 1e-6;
 
 /// Largest difference between stored coefficients and those of the stored line spectral frequencies, relative to the
 /// largest coefficient (or 1). The toolkit's files have frequencies of six decimals, which leave 2e-5.
-pub const STORED_LSF_TOLERANCE: f64 = 1e-3;
+pub(crate) const STORED_LSF_TOLERANCE: f64 = 1e-3;
 
 /// The warping factor at which models of any rate resolve low frequencies as those of 0.85 do at 10 kHz: an order of 20 has
 /// a resolution of 20 Hz at the bottom of the band.
@@ -58,7 +58,7 @@ struct Filter {
 
 /// The numbers of a model as stored in a file, not yet checked.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StoredModel {
+pub(crate) struct StoredModel {
     /// a_1..a_p.
     pub ar: Vec<f64>,
     /// LSFs of the AR polynomial, radians.
@@ -104,7 +104,7 @@ impl ArmaModel {
     }
 
     /// A model exactly as stored, with coefficients and LSFs, which are checked against each other.
-    pub fn from_stored(stored: StoredModel) -> Result<Self, ModelError> {
+    pub(crate) fn from_stored(stored: StoredModel) -> Result<Self, ModelError> {
         let StoredModel { ar, ar_lsf, ma, ma_lsf, gain, variance } = stored;
         check_polynomial(Polynomial::Ar, &ar, &ar_lsf)?;
         check_polynomial(Polynomial::Ma, &ma, &ma_lsf)?;
@@ -126,7 +126,11 @@ impl ArmaModel {
     }
 
     /// A silent warped model exactly as stored, coefficients and LSFs checked one against the other.
-    pub fn warped_from_stored(ar: Vec<f64>, ar_lsf: Vec<f64>, warping: f64) -> Result<Self, ModelError> {
+    pub(crate) fn warped_from_stored(
+        ar: Vec<f64>,
+        ar_lsf: Vec<f64>,
+        warping: f64,
+    ) -> Result<Self, ModelError> {
         Self::warped(ar, ar_lsf, warping, 0.0)
     }
 
@@ -232,7 +236,7 @@ impl ArmaModel {
     }
 
     /// True if two models have bitwise equal filters, regardless of variance.
-    pub fn same_filter(&self, other: &ArmaModel) -> bool {
+    pub(crate) fn same_filter(&self, other: &ArmaModel) -> bool {
         Arc::ptr_eq(&self.filter, &other.filter) || self.filter == other.filter
     }
 }

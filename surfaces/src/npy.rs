@@ -88,7 +88,7 @@ impl Header {
 
     /// The bytes of a header in version 1, with the shape as it stands between the round brackets. The numbers that follow
     /// are aligned to 64 bytes.
-    pub fn bytes(descr: &str, shape: &str) -> Vec<u8> {
+    pub(crate) fn bytes(descr: &str, shape: &str) -> Vec<u8> {
         let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
         let begun = MAGIC.len() + 4;
         let padding = (begun + text.len() + 1).next_multiple_of(64) - (begun + text.len() + 1);

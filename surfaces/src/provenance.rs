@@ -45,7 +45,8 @@ pub enum Origin {
 
 impl Origin {
     /// All origins.
-    pub const ALL: [Origin; 4] = [Origin::Simulated, Origin::Measured, Origin::Imported, Origin::Procedural];
+    pub(crate) const ALL: [Origin; 4] =
+        [Origin::Simulated, Origin::Measured, Origin::Imported, Origin::Procedural];
 
     /// The name in files and messages, such as `simulated`.
     pub fn as_str(self) -> &'static str {

@@ -31,7 +31,7 @@ pub const EFFECTIVE_MASS_KG: f64 = 0.05;
 
 impl Tap {
     /// Peak force of the rendered tap: [`EFFECTIVE_MASS_KG`] times its peak acceleration, N.
-    pub fn rendered_peak_n(&self) -> f64 {
+    pub(crate) fn rendered_peak_n(&self) -> f64 {
         let samples = self.acceleration_m_s2.iter();
         EFFECTIVE_MASS_KG * samples.fold(0.0_f64, |peak, a| peak.max(a.abs()))
     }

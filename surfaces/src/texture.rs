@@ -89,7 +89,7 @@ impl TextureModel {
     }
 
     /// The same models with the high-pass and the layers of `other`, resampled to their rate.
-    pub fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
+    pub(crate) fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
         let mut texture = self.with_highpass_hz(other.highpass_hz)?;
         texture.layers.clear();
         for layer in &other.layers {
@@ -100,12 +100,12 @@ impl TextureModel {
     }
 
     /// A texture of `models`, which include the border, with the Delaunay triangulation of their z-scores.
-    pub fn triangulated(rate_hz: f64, models: Vec<ModelAt>) -> Result<Self, TextureError> {
+    pub(crate) fn triangulated(rate_hz: f64, models: Vec<ModelAt>) -> Result<Self, TextureError> {
         let triangles = triangulation::delaunay(&positions(&models))?;
         Self::new(rate_hz, models, triangles)
     }
 
-    /// A texture of measured models: adds the border ([`hull::extend`]), then triangulates.
+    /// A texture of measured models: adds the border (`hull::extend`), then triangulates.
     pub fn from_measured(
         rate_hz: f64,
         mut measured: Vec<ModelAt>,
@@ -147,7 +147,7 @@ impl TextureModel {
     }
 
     /// The distinct filters, and the filter of each vertex.
-    pub fn distinct_filters(&self) -> (Vec<&ArmaModel>, Vec<usize>) {
+    pub(crate) fn distinct_filters(&self) -> (Vec<&ArmaModel>, Vec<usize>) {
         let mut filters: Vec<&ArmaModel> = Vec::new();
         let mut filter_of = Vec::with_capacity(self.models.len());
         for at in &self.models {
@@ -188,20 +188,6 @@ impl TextureModel {
     /// Order of the MA polynomial, the same for all models; 0 for AR models.
     pub fn ma_order(&self) -> usize {
         self.models[0].model.ma().len()
-    }
-
-    /// The same map at `rate_hz` with each model converted by `change`.
-    pub fn map_models<E: From<TextureError>>(
-        &self,
-        rate_hz: f64,
-        mut change: impl FnMut(&ModelAt) -> Result<ArmaModel, E>,
-    ) -> Result<Self, E> {
-        let models = self
-            .models
-            .iter()
-            .map(|at| Ok(ModelAt { model: change(at)?, ..at.clone() }))
-            .collect::<Result<Vec<_>, E>>()?;
-        Ok(Self::new(rate_hz, models, self.triangles().to_vec())?.with_extras_of(self)?)
     }
 }
 

@@ -319,7 +319,7 @@ fn check_cover(
 
 /// Delaunay triangulation of the z-scored points (speed m/s, force N). Z-scores are the usual metric, since
 /// speed and force have different units (thesis 2.3.4).
-pub fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationError> {
+pub(crate) fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationError> {
     check_points(points)?;
     let speeds = z_scores(points.iter().map(|point| point.0));
     let forces = z_scores(points.iter().map(|point| point.1));

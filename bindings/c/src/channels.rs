@@ -92,7 +92,7 @@ pub(crate) fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOu
 }
 
 /// Opens the output of a probe.
-pub fn probe(session: &mut Session, name: &str, components: u32) -> Result<AnyOutput, Failure> {
+pub(crate) fn probe(session: &mut Session, name: &str, components: u32) -> Result<AnyOutput, Failure> {
     Ok(match components {
         SCALAR => session.probe::<Scalar>(name)?.into_any(),
         VECTOR => session.probe::<Vector>(name)?.into_any(),

@@ -112,7 +112,7 @@ impl PlayerEntry {
     }
 
     /// Opens the output of a probe.
-    pub fn probe(&self, name: &str, components: u32) -> Result<AnyOutput, Failure> {
+    pub(crate) fn probe(&self, name: &str, components: u32) -> Result<AnyOutput, Failure> {
         channels::probe(&mut *try_lock(&self.session)?, name, components)
     }
 

@@ -21,33 +21,33 @@ pub(crate) struct Ticks {
 impl Ends {
     /// Number of the writer's first frame in this window.
     #[inline]
-    pub fn first_written(&self) -> u64 {
+    pub(crate) fn first_written(&self) -> u64 {
         self.from.first
     }
 
     /// Number of the writer's latest frame at the reader's tick `j` of this window.
     #[inline]
-    pub fn latest_at(&self, j: usize) -> u64 {
+    pub(crate) fn latest_at(&self, j: usize) -> u64 {
         (self.to.first + j as u64) * self.to.period / self.from.period
     }
 
     /// Time from the writer's latest frame to the reader's tick `j` of this window, in periods of the writer: 0 to 1.
     #[inline]
-    pub fn since_latest(&self, j: usize) -> f64 {
+    pub(crate) fn since_latest(&self, j: usize) -> f64 {
         let since = (self.to.first + j as u64) * self.to.period - self.latest_at(j) * self.from.period;
         since as f64 / self.from.period as f64
     }
 
     /// Index in this window of the reader's first tick at or after the writer's frame `k`.
     #[inline]
-    pub fn reader_at(&self, k: u64) -> usize {
+    pub(crate) fn reader_at(&self, k: u64) -> usize {
         let tick = (k * self.from.period).div_ceil(self.to.period);
         (tick.saturating_sub(self.to.first) as usize).min(self.to.count)
     }
 
     /// True if the writer is the faster one.
     #[inline]
-    pub fn goes_slower(&self) -> bool {
+    pub(crate) fn goes_slower(&self) -> bool {
         self.from.period < self.to.period
     }
 }

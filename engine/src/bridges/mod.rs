@@ -182,7 +182,7 @@ pub struct BridgeEntry {
 
 impl BridgeEntry {
     /// The types that every registry has.
-    pub const ENGINE: [Self; 4] =
+    pub(crate) const ENGINE: [Self; 4] =
         [Self::of::<Hold>(), Self::of::<Linear>(), Self::of::<Average>(), Self::of::<Resample>()];
 
     /// Erases the type of a bridge.

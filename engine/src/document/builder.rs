@@ -159,12 +159,6 @@ impl Part {
         self.set("clock", clock)
     }
 
-    /// Binds the node to a device.
-    #[must_use]
-    pub fn endpoint(self, device: &str) -> Self {
-        self.set("endpoint", device)
-    }
-
     /// Sets a setting.
     #[must_use]
     pub fn set(mut self, name: &str, value: impl Written) -> Self {
@@ -277,7 +271,7 @@ mod tests {
         let inner = |whole| Inner { pair: [-1e-300, f64::MAX], whole };
         let part = Part::new("Kind")
             .on("audio")
-            .endpoint("the \"first\"\\second")
+            .set("endpoint", "the \"first\"\\second")
             .set("number", -0.1)
             .set("huge", u64::MAX)
             .set("flag", true)

@@ -60,15 +60,6 @@ pub struct LoadOptions {
     pub max_bytes: u64,
 }
 
-impl LoadOptions {
-    /// Sets the largest total size of the files of a graph, bytes.
-    #[must_use]
-    pub fn max_bytes(mut self, max_bytes: u64) -> Self {
-        self.max_bytes = max_bytes;
-        self
-    }
-}
-
 impl Default for LoadOptions {
     fn default() -> Self {
         Self { max_bytes: MAX_GRAPH_BYTES }
@@ -98,11 +89,6 @@ impl Document {
             true => Cow::Borrowed(self),
             false => Cow::Owned(load::library(self.clone(), library)),
         }
-    }
-
-    /// Description of the graph.
-    pub fn about(&self) -> &str {
-        &self.about
     }
 
     /// The source files, the graph file first.

@@ -122,7 +122,7 @@ impl Value {
     }
 
     /// `(x: a)`, or `()` without fields.
-    pub fn structure<N: AsRef<str>>(fields: impl IntoIterator<Item = (N, Self)>) -> Self {
+    pub(crate) fn structure<N: AsRef<str>>(fields: impl IntoIterator<Item = (N, Self)>) -> Self {
         let fields = fields.into_iter().map(|(name, value)| (Name::from(name.as_ref()), value));
         let fields: Vec<(Name, Self)> = fields.collect();
         let (name, body) = (None, Body::Fields(fields));
@@ -150,7 +150,7 @@ impl Value {
     }
 
     /// The value in RON.
-    pub fn into_text(mut self) -> String {
+    pub(crate) fn into_text(mut self) -> String {
         let mut writer = Writer::default();
         writer.value(&mut self);
         writer.text
@@ -275,7 +275,7 @@ impl Value {
     }
 
     /// Description for messages: `a number`, `a list`.
-    pub fn describe(&self) -> &'static str {
+    pub(crate) fn describe(&self) -> &'static str {
         match &self.shape {
             Shape::Unit => "()",
             Shape::Bool(_) => "a boolean",

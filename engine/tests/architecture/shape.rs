@@ -14,16 +14,31 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
-    ("signal", 5_370, 4_800),
+    ("signal", 5_310, 4_800),
     ("engine", 19_040, 15_500),
-    ("surfaces", 6_700, 6_000),
+    ("surfaces", 6_680, 6_000),
     ("learning", 13_800, 9_500),
-    ("nodes", 14_450, 13_000),
+    ("nodes", 14_150, 13_000),
     ("live", 6_600, 6_000),
-    ("report", 7_700, 6_000),
+    ("report", 7_560, 6_000),
     ("studio", 5_400, 3_300),
     ("src", 9_200, 6_300),
     ("bindings", 3_450, 3_100),
+];
+
+/// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
+/// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
+const PUBLIC: [(&str, usize); 10] = [
+    ("signal", 345),
+    ("engine", 790),
+    ("surfaces", 352),
+    ("learning", 370),
+    ("nodes", 410),
+    ("live", 228),
+    ("report", 145),
+    ("studio", 50),
+    ("src", 322),
+    ("bindings", 45),
 ];
 
 /// Largest number of lines of a function, of fields of a type, of lines of a macro, of macros, and of files in a circle of

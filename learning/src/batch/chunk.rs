@@ -25,7 +25,7 @@ const TOGETHER: usize = 16;
 const BLOCK: usize = 1 << 16;
 
 /// The name of a chunk's file.
-pub fn file_name(chunk: u64) -> String {
+pub(super) fn file_name(chunk: u64) -> String {
     format!("chunk-{chunk:06}.npz")
 }
 
@@ -105,14 +105,14 @@ fn blocks<T: Copy, const N: usize>(
 
 /// The arrays of a chunk.
 #[derive(Debug)]
-pub struct Chunk {
+pub(super) struct Chunk {
     number: u64,
     arrays: Vec<(&'static str, Vec<u64>, Numbers)>,
 }
 
 impl Chunk {
     /// Renders a chunk; `None` if `stop` is set. An error has the number of its job.
-    pub fn render(
+    pub(super) fn render(
         batch: &Batch,
         number: u64,
         stop: &AtomicBool,
@@ -145,7 +145,7 @@ impl Chunk {
     }
 
     /// Writes the chunk atomically and returns the hash of its content.
-    pub fn write(&self, batch: &Batch, path: &Path) -> io::Result<String> {
+    pub(super) fn write(&self, batch: &Batch, path: &Path) -> io::Result<String> {
         write_atomically_by(path, |file| {
             let mut archive = ZipWriter::new(BufWriter::with_capacity(BLOCK, file));
             let mut hash = Sha256::new();
@@ -237,7 +237,7 @@ fn hash_head(hash: &mut Sha256, name: &str, descr: &str, shape: &[u64]) {
 }
 
 /// Verifies a batch's chunk in a file and returns the hash of its content, or the reason why it is not that chunk.
-pub fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String> {
+pub(super) fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String> {
     let failed = |error: &dyn std::fmt::Display| error.to_string();
     let file = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
     let mut archive = ZipArchive::new(BufReader::new(file.as_file())).map_err(|error| failed(&error))?;

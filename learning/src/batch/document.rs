@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// A plan, field by field.
 #[derive(Debug, Deserialize)]
 #[serde(rename = "Batch", deny_unknown_fields)]
-pub struct Document {
+pub(super) struct Document {
     pub surfaces: Vec<String>,
     pub motions: BTreeMap<String, Motion>,
     pub jobs: Jobs,
@@ -29,7 +29,7 @@ pub struct Document {
 /// A motion of the hand.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Motion {
+pub(super) enum Motion {
     /// A random walk through speed and force, different for each seed.
     RandomWalk {
         seconds: f64,
@@ -47,7 +47,7 @@ pub enum Motion {
 /// The jobs.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Jobs {
+pub(super) enum Jobs {
     /// Every surface along every motion with every seed from the first to the last.
     Product { seeds: (u64, u64) },
     /// The rows of a table.
@@ -56,7 +56,7 @@ pub enum Jobs {
 
 /// A signal of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-pub enum Signal {
+pub(super) enum Signal {
     /// Acceleration, m/s².
     Vibration,
     /// m/s.
@@ -67,7 +67,7 @@ pub enum Signal {
 
 /// The number type of stored samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Samples {
+pub(super) enum Samples {
     /// Rounded to single precision.
     #[default]
     Float32,
@@ -77,7 +77,7 @@ pub enum Samples {
 
 impl Signal {
     /// The samples in the result of a job.
-    pub fn of<'a>(self, trajectory: &'a Trajectory, vibration: &'a [f64]) -> &'a [f64] {
+    pub(super) fn of<'a>(self, trajectory: &'a Trajectory, vibration: &'a [f64]) -> &'a [f64] {
         match self {
             Self::Vibration => vibration,
             Self::Speed => &trajectory.speed_m_s,
@@ -86,7 +86,7 @@ impl Signal {
     }
 
     /// The name in a chunk.
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::Vibration => "vibration_m_s2",
             Self::Speed => "speed_m_s",
@@ -97,7 +97,7 @@ impl Signal {
 
 impl Samples {
     /// NumPy's name of the type.
-    pub fn as_str(self) -> &'static str {
+    pub(super) fn as_str(self) -> &'static str {
         match self {
             Self::Float32 => "float32",
             Self::Float64 => "float64",
@@ -105,7 +105,7 @@ impl Samples {
     }
 
     /// Bytes of a sample.
-    pub fn bytes(self) -> u64 {
+    pub(super) fn bytes(self) -> u64 {
         match self {
             Self::Float32 => 4,
             Self::Float64 => 8,
@@ -155,7 +155,7 @@ struct Places<'a> {
 
 /// A part of a plan.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Part {
+pub(super) enum Part {
     /// An entry of `surfaces`, from 0.
     Surface(usize),
     /// The motion of this name.
@@ -173,14 +173,14 @@ fn options() -> ron::Options {
 
 impl Document {
     /// Parses a plan; an error has its location.
-    pub fn parse(text: &str) -> Result<Self, (Place, Malformed)> {
+    pub(super) fn parse(text: &str) -> Result<Self, (Place, Malformed)> {
         let parsed = options().from_str(text);
         parsed.map_err(|error| Malformed::of(text, "Batch", error))
     }
 }
 
 /// The location of a part of a plan in its text.
-pub fn place_of(part: &Part, text: &str) -> Option<Place> {
+pub(super) fn place_of(part: &Part, text: &str) -> Option<Place> {
     let places: Places<'_> = options().from_str(text).ok()?;
     let raw = match part {
         Part::Surface(number) => places.surfaces.get(*number).copied(),

@@ -30,13 +30,13 @@ pub enum FolderError {
 
 /// A folder that is locked until this is dropped.
 #[derive(Debug)]
-pub struct Claim {
+pub(super) struct Claim {
     _marker: File,
 }
 
 impl Claim {
     /// Creates the folder if necessary. Removes incomplete files of a killed process.
-    pub fn of(folder: &Path, identity: &str) -> Result<Self, FolderError> {
+    pub(super) fn of(folder: &Path, identity: &str) -> Result<Self, FolderError> {
         let failed = |source| FolderError::Io { path: folder.to_owned(), source };
         fs::create_dir_all(folder).map_err(failed)?;
         let path = folder.join(MARKER);

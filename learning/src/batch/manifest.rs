@@ -28,7 +28,7 @@ pub struct ChunkEntry {
 
 /// The content of a folder. It depends only on the chunks, not on how they were rendered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+pub(super) struct Manifest {
     pub haptograph: String,
     /// See [`Batch::identity`].
     pub batch: String,
@@ -51,7 +51,7 @@ pub struct Manifest {
 
 impl Manifest {
     /// The manifest of a batch with these chunks, by number and hash.
-    pub fn of(batch: &Batch, found: &BTreeMap<u64, String>) -> Self {
+    pub(super) fn of(batch: &Batch, found: &BTreeMap<u64, String>) -> Self {
         let entry = |(chunk, sha256): (&u64, &String)| {
             let jobs = batch.jobs_of(*chunk);
             ChunkEntry {
@@ -80,13 +80,13 @@ impl Manifest {
     }
 
     /// The manifest in a folder.
-    pub fn read(folder: &Path) -> io::Result<Self> {
+    pub(super) fn read(folder: &Path) -> io::Result<Self> {
         let text = files::read_text(&folder.join(MANIFEST), files::MAX_MANIFEST_BYTES)?;
         Ok(serde_json::from_str(&text)?)
     }
 
     /// Checks that the manifest is consistent with its plan and its entries, so that a run can have written it.
-    pub fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), String> {
         if self.batch != identify(&self.haptograph, &self.plan, &self.inputs) {
             return Err("it does not belong to its plan and files".to_owned());
         }
@@ -114,19 +114,19 @@ impl Manifest {
     }
 
     /// The part of the batch in a folder.
-    pub fn part<'a>(&'a self, folder: &'a Path) -> Part<'a, Self, ChunkEntry> {
+    pub(super) fn part<'a>(&'a self, folder: &'a Path) -> Part<'a, Self, ChunkEntry> {
         let head = Self { complete: false, chunks: vec![], ..self.clone() };
         Part { path: folder, head, items: self.chunks.iter().map(|entry| (entry.chunk, entry)).collect() }
     }
 
     /// Writes the manifest atomically.
-    pub fn write(&self, folder: &Path) -> io::Result<()> {
+    pub(super) fn write(&self, folder: &Path) -> io::Result<()> {
         let text = serde_json::to_string_pretty(self)? + "\n";
         write_atomically(&folder.join(MANIFEST), text.as_bytes())
     }
 
     /// Number of chunks of the whole batch.
-    pub fn whole(&self) -> u64 {
+    pub(super) fn whole(&self) -> u64 {
         self.jobs.div_ceil(self.jobs_per_chunk.max(1))
     }
 }

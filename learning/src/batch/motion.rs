@@ -15,7 +15,7 @@ const MAX_SECONDS: f64 = 3600.0;
 
 /// A motion with its data.
 #[derive(Debug)]
-pub enum Source {
+pub(super) enum Source {
     Walk(RandomWalk),
     Constant {
         seconds: f64,
@@ -32,7 +32,7 @@ pub enum Source {
 
 impl Source {
     /// Loads a plan's motion; paths are relative to `folder`.
-    pub fn of(motion: &Motion, folder: &Path) -> Result<Self, PlanProblem> {
+    pub(super) fn of(motion: &Motion, folder: &Path) -> Result<Self, PlanProblem> {
         match motion {
             Motion::RandomWalk { seconds, speed_mm_s, force_n, cutoff_hz } => {
                 let (slow, fast) = *speed_mm_s;
@@ -96,7 +96,7 @@ impl Source {
     }
 
     /// The number of samples at a rate.
-    pub fn samples(&self, rate_hz: f64) -> usize {
+    pub(super) fn samples(&self, rate_hz: f64) -> usize {
         match self {
             Self::Walk(walk) => (walk.seconds * rate_hz) as usize,
             Self::Constant { seconds, .. } => (seconds * rate_hz) as usize,
@@ -106,7 +106,7 @@ impl Source {
     }
 
     /// The motion at a rate. A random walk depends on the job's seed, not on the surface.
-    pub fn trajectory(&self, rate_hz: f64, seed: u64) -> Trajectory {
+    pub(super) fn trajectory(&self, rate_hz: f64, seed: u64) -> Trajectory {
         let samples = self.samples(rate_hz);
         match self {
             Self::Walk(walk) => {

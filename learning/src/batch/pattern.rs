@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// The files that match a pattern, in the order of their names: `*` in the last component matches any text.
-pub fn matching(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> {
+pub(super) fn matching(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> {
     let path = Path::new(pattern);
     let wanted = path.file_name().unwrap_or_default().to_string_lossy();
     if !wanted.contains('*') {

@@ -21,7 +21,7 @@ const MAX_CHUNK_BYTES: u64 = 2 << 30;
 
 /// A file named in a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Input {
+pub(super) struct Input {
     pub kind: String,
     /// The path in the plan.
     pub file: String,
@@ -34,7 +34,7 @@ pub struct Input {
 }
 
 impl Input {
-    pub fn new(kind: &str, file: &str, sha256: String) -> Self {
+    pub(super) fn new(kind: &str, file: &str, sha256: String) -> Self {
         Self { kind: kind.to_owned(), file: file.to_owned(), sha256, origin: None, source: None }
     }
 }
@@ -214,7 +214,7 @@ impl Batch {
     }
 
     /// The identity: two batches with the same identity have the same chunks.
-    pub fn identity(&self) -> &str {
+    pub(crate) fn identity(&self) -> &str {
         &self.identity
     }
 
@@ -282,7 +282,7 @@ impl Batch {
     }
 
     /// The numbers of a chunk's jobs.
-    pub fn jobs_of(&self, chunk: u64) -> Range<u64> {
+    pub(crate) fn jobs_of(&self, chunk: u64) -> Range<u64> {
         let start = chunk * self.document.jobs_per_chunk;
         start..self.jobs().min(start + self.document.jobs_per_chunk)
     }

@@ -12,7 +12,7 @@ const COLUMNS: [&str; 5] = ["surface", "motion", "seed", "gain", "update_hz"];
 const NEEDED: usize = 3;
 
 /// Reads the jobs of a table; returns them with the table's bytes.
-pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError> {
+pub(super) fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError> {
     let failed = |line: Option<u64>, problem| PlanError {
         path: path.to_owned(),
         place: line.map(|line| Place { line: line as usize, column: 1 }),

@@ -23,7 +23,7 @@ pub enum Condition {
 }
 
 /// Constant speed, m/s, and force, N, of the thesis: the centre of the usual range.
-pub const CENTRE: (f64, f64) = (0.130, 1.2);
+pub(crate) const CENTRE: (f64, f64) = (0.130, 1.2);
 /// Largest force that the thesis renders, N. Models beyond it do not count for the centre of a set.
 const SATURATION_N: f64 = 2.75;
 /// Rate of the vibrations whose variation is measured, Hz.
@@ -35,7 +35,7 @@ const REST_M_S: f64 = 0.001;
 
 impl Condition {
     /// All conditions, the control first.
-    pub const ALL: [Condition; 4] = [Self::ForceAndSpeed, Self::Force, Self::Speed, Self::Neither];
+    pub(crate) const ALL: [Condition; 4] = [Self::ForceAndSpeed, Self::Force, Self::Speed, Self::Neither];
 
     /// Symbol in the thesis.
     pub fn symbol(self) -> &'static str {
@@ -49,7 +49,7 @@ impl Condition {
 
     /// The trajectory that a texture is rendered along for the motion `hand`; `centre` holds the constant
     /// speed in m/s and force in N.
-    pub fn trajectory(self, hand: &Trajectory, centre: (f64, f64)) -> Trajectory {
+    pub(crate) fn trajectory(self, hand: &Trajectory, centre: (f64, f64)) -> Trajectory {
         let mut played = hand.clone();
         if matches!(self, Self::Force | Self::Neither) {
             let constant = |speed: &mut f64| *speed = if *speed < REST_M_S { 0.0 } else { centre.0 };

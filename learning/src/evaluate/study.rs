@@ -241,12 +241,12 @@ impl<'t> Study<'t> {
     }
 
     /// The person whose takes are the tests.
-    pub fn expert(&self) -> &str {
+    pub(crate) fn expert(&self) -> &str {
         &self.expert
     }
 
     /// Number of items.
-    pub fn items(&self) -> usize {
+    pub(crate) fn items(&self) -> usize {
         self.firsts.len()
     }
 

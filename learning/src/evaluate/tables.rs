@@ -63,12 +63,6 @@ pub enum TableError {
     Comparison { row: String, material: String, source: MetricError },
 }
 
-/// Spectra of the test recordings of all materials, and the trajectories to render textures along.
-#[derive(Debug)]
-pub struct References {
-    materials: Vec<Vec<Reference>>,
-}
-
 /// The spectra of one test recording, and the trajectory to render textures along.
 #[derive(Debug)]
 pub struct Reference {
@@ -104,7 +98,7 @@ impl Reference {
     ///
     /// # Errors
     /// [`TableError::Synthesis`] and [`TableError::Comparison`].
-    pub fn errors(
+    pub(crate) fn errors(
         &self,
         row: &str,
         texture: &TextureModel,
@@ -117,38 +111,6 @@ impl Reference {
             .and_then(|spectra| PairErrors::new(&self.spectra, &spectra))
             .map(|errors| errors.statistics())
             .map_err(|source| TableError::Comparison { row: row(), material: material(), source })
-    }
-}
-
-impl References {
-    /// The references of these tests, by column.
-    ///
-    /// # Errors
-    /// As [`Reference::new`].
-    pub fn of(tests: &[TestSet<'_>], settings: &TableSettings) -> Result<Self, TableError> {
-        let of_material = |test: &TestSet<'_>| {
-            let recordings = test.recordings.iter().enumerate();
-            recordings
-                .map(|(index, recording)| Reference::new(&test.name, index, recording, settings))
-                .collect::<Result<Vec<_>, _>>()
-        };
-        let materials = tests.iter().map(of_material).collect::<Result<_, _>>()?;
-        Ok(Self { materials })
-    }
-
-    /// The errors of a texture against each recording of a column.
-    ///
-    /// # Errors
-    /// As [`Reference::errors`].
-    pub fn cell(
-        &self,
-        column: usize,
-        row: &str,
-        texture: &TextureModel,
-        settings: &TableSettings,
-    ) -> Result<Vec<ErrorStatistics>, TableError> {
-        let references = self.materials[column].iter();
-        references.map(|reference| reference.errors(row, texture, settings)).collect()
     }
 }
 
@@ -172,7 +134,7 @@ fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -
 
 impl DifferenceTable {
     /// The table of these errors, by row, then column.
-    pub fn of_errors(
+    pub(crate) fn of_errors(
         rows: Vec<String>,
         columns: Vec<String>,
         errors: Vec<Vec<Option<Vec<ErrorStatistics>>>>,
@@ -274,16 +236,17 @@ mod tests {
         let textures: Vec<TextureModel> = (0..3).map(learned).collect();
         let recordings: Vec<Vec<_>> =
             (0..3).map(|m| (0..2).map(|seed| recording(m, seed)).collect()).collect();
-        let tests: Vec<TestSet> = names
-            .iter()
-            .zip(&recordings)
-            .map(|(name, recordings)| TestSet { name: name.clone(), recordings: recordings.iter().collect() })
-            .collect();
         let settings = TableSettings::default();
-        let references = References::of(&tests, &settings).unwrap();
-        let cell = |row, column| {
-            let errors = references.cell(column, "row", row, &settings);
-            Some(errors.unwrap())
+        let references: Vec<Vec<Reference>> = recordings
+            .iter()
+            .map(|recordings| {
+                let references = recordings.iter().map(|it| Reference::new("a", 0, it, &settings));
+                references.collect::<Result<_, _>>().unwrap()
+            })
+            .collect();
+        let cell = |row, column: usize| {
+            let errors = references[column].iter().map(|of| of.errors("row", row, &settings));
+            Some(errors.collect::<Result<_, _>>().unwrap())
         };
         let errors = textures.iter().map(|texture| (0..3).map(|column| cell(texture, column)).collect());
         DifferenceTable::of_errors(names.clone(), names, errors.collect(), pooling)

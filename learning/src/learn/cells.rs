@@ -22,19 +22,19 @@ pub(crate) struct Cells {
 
 impl Cells {
     /// The cells for models of this rate and warping factor.
-    pub fn new(rate_hz: f64, warping: f64) -> Self {
+    pub(crate) fn new(rate_hz: f64, warping: f64) -> Self {
         let edge = |edge: usize| unwarp(PI * edge as f64 / CELLS as f64, warping) * rate_hz / (2.0 * PI);
         Self { edges_hz: (0..=CELLS).map(edge).collect() }
     }
 
     /// The power of densities over the cells.
-    pub fn power(&self, densities: &[f64]) -> f64 {
+    pub(crate) fn power(&self, densities: &[f64]) -> f64 {
         let widths = self.edges_hz.windows(2).map(|edge| edge[1] - edge[0]);
         densities.iter().zip(widths).map(|(p, w)| p * w).sum()
     }
 
     /// Means over the cells of a density that is given at any frequency.
-    pub fn means_of(&self, density: impl Fn(f64) -> f64) -> Vec<f64> {
+    pub(crate) fn means_of(&self, density: impl Fn(f64) -> f64) -> Vec<f64> {
         let mean = |edge: &[f64]| {
             let step = (edge[1] - edge[0]) / POINTS as f64;
             let points = (0..POINTS).map(|k| density(edge[0] + step * (k as f64 + 0.5)));
@@ -58,7 +58,7 @@ pub(super) struct CellSpectrum {
 
 impl CellSpectrum {
     /// An estimator for stretches of `length` samples (at least 2) that were high-passed at `highpass_hz`.
-    pub fn new(length: usize, rate_hz: f64, warping: f64, highpass_hz: Option<f64>) -> Self {
+    pub(super) fn new(length: usize, rate_hz: f64, warping: f64, highpass_hz: Option<f64>) -> Self {
         let taper = |order: usize| {
             let scale = (2.0 / (length as f64 + 1.0)).sqrt();
             let angle = PI * (order + 1) as f64 / (length as f64 + 1.0);
@@ -90,7 +90,7 @@ impl CellSpectrum {
     ///
     /// Below the high-pass nothing was recorded, so the density is extended from just above it. An all-pole model, which has no
     /// zeros, could not follow a gap.
-    pub fn of(&self, samples: &[f64]) -> Vec<f64> {
+    pub(super) fn of(&self, samples: &[f64]) -> Vec<f64> {
         let length = samples.len();
         let transform = fft::forward(length);
         let mut density = vec![0.0; self.highpass.len()];
@@ -117,7 +117,7 @@ impl CellSpectrum {
     }
 
     /// The power of densities over the cells.
-    pub fn power(&self, densities: &[f64]) -> f64 {
+    pub(super) fn power(&self, densities: &[f64]) -> f64 {
         self.cells.power(densities)
     }
 

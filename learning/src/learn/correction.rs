@@ -56,7 +56,7 @@ impl Kernel {
 
 impl Correction {
     /// The correction with the best leave-one-out prediction; `None` if no correction is better.
-    pub fn fit(stretches: &[Stretch]) -> Option<Self> {
+    pub(super) fn fit(stretches: &[Stretch]) -> Option<Self> {
         let pools = pooled(stretches);
         let places: Vec<Place> = pools.iter().map(|(stretch, _)| stretch.place).collect();
         let count = places.len();
@@ -90,7 +90,7 @@ impl Correction {
     }
 
     /// The logarithm of the factor of each cell.
-    pub fn at(&self, place: &Place) -> Vec<f64> {
+    pub(super) fn at(&self, place: &Place) -> Vec<f64> {
         let near: Vec<f64> = self.places.iter().map(|seen| self.kernel.between(place, seen)).collect();
         let cells = self.weights.column_iter().zip(&self.bounds);
         let mixed = cells.map(|(weights, &(least, most))| {

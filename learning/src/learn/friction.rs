@@ -74,7 +74,7 @@ pub enum FrictionError {
 
 /// A sample of a sliding tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sliding {
+pub(crate) struct Sliding {
     /// Normal force, N.
     pub normal_n: f64,
     /// Tangential force against the motion, N.
@@ -87,7 +87,7 @@ pub struct Sliding {
 ///
 /// Forces are interpolated at the tracker's sample times and split there: an upsampled path would give wrong signs where the
 /// tool turns (thesis 4.2.1).
-pub fn sliding(
+pub(crate) fn sliding(
     recording: &AnyRecording,
     processing: &ProcessingSettings,
     settings: &FrictionSettings,
@@ -125,7 +125,7 @@ pub(super) fn shared_moments(recording: &Recording) -> Vec<f64> {
 }
 
 /// Fits the line to pairs of normal and tangential force.
-pub fn fit_friction(points: Vec<(f64, f64)>, fit: FrictionFit) -> Option<FrictionReport> {
+pub(crate) fn fit_friction(points: Vec<(f64, f64)>, fit: FrictionFit) -> Option<FrictionReport> {
     let (line, used) = match fit {
         FrictionFit::ThroughOrigin => (Line::fit_through_origin(&points)?, vec![true; points.len()]),
         FrictionFit::Robust => robust_line(&points, Line::fit)?,
@@ -158,7 +158,7 @@ fn robust_line(points: &[(f64, f64)], fit: fn(&[(f64, f64)]) -> Option<Line>) ->
 }
 
 /// Learns friction from recordings of one gesture.
-pub fn learn_friction(
+pub(crate) fn learn_friction(
     recordings: &[&AnyRecording],
     processing: &ProcessingSettings,
     settings: &FrictionSettings,

@@ -61,13 +61,13 @@ pub(super) struct Fitted {
 
 impl Fitted {
     /// The fit with its law corrected by the residuals, so that it follows peaks that move with speed.
-    pub fn corrected(mut self) -> Self {
+    pub(super) fn corrected(mut self) -> Self {
         self.law.correct(&self.stretches);
         self
     }
 
     /// The map of models that is rendered.
-    pub fn texture(&self) -> Result<TextureModel, LearnTextureError> {
+    pub(super) fn texture(&self) -> Result<TextureModel, LearnTextureError> {
         Ok(self.law.on_grid(self.axis)?.with_highpass_hz(self.highpass_hz)?)
     }
 }
@@ -77,7 +77,7 @@ impl Fitted {
 /// # Errors
 /// [`LearnTextureError`] if the recordings' rates differ, nothing was dragged, or the order is out of range.
 #[cfg(test)]
-pub fn learn_law(
+pub(crate) fn learn_law(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
     progress: &dyn Fn(f64),

@@ -19,7 +19,7 @@ pub mod law;
 mod lines;
 mod method;
 mod onset;
-pub mod outliers;
+pub(crate) mod outliers;
 mod pipeline;
 mod regression;
 pub mod segmentation;

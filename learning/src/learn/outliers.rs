@@ -24,7 +24,7 @@ impl Default for OutlierSettings {
 /// for a plane, or they do not determine one.
 ///
 /// The residual of a point that alone determines the plane is 0.
-pub fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option<Vec<f64>> {
     let n = positions.len();
     if n < 5 || values.len() != n {
         return None;
@@ -58,7 +58,7 @@ pub fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option
 }
 
 /// The bound of the two-sided interval that holds `confidence` of the studentized residuals of `n` points.
-pub fn residual_bound(n: usize, confidence: f64) -> f64 {
+pub(crate) fn residual_bound(n: usize, confidence: f64) -> f64 {
     let freedom = n.saturating_sub(4).max(1) as f64;
     let probability = 0.5 + confidence.clamp(0.0, 1.0 - 1e-9) / 2.0;
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(probability))

@@ -62,7 +62,7 @@ pub struct NarrowBand {
 
 impl NarrowBand {
     /// The highest frequency in it, Hz.
-    pub fn highest_hz(&self) -> f64 {
+    pub(crate) fn highest_hz(&self) -> f64 {
         carried_hz(self.rate_hz).round()
     }
 }

@@ -28,9 +28,9 @@ pub(crate) struct Exponents {
 
 impl Exponents {
     /// The prior for the acceleration of a tool.
-    pub const ACCELERATION: Self = Self { slopes: POWER_SLOPES, speed: (0.5, 3.5), force: (0.0, 1.5) };
+    pub(crate) const ACCELERATION: Self = Self { slopes: POWER_SLOPES, speed: (0.5, 3.5), force: (0.0, 1.5) };
     /// The prior for a sensor in an unknown unit: constant over speed and force.
-    pub const UNKNOWN: Self = Self { slopes: [0.0; 2], speed: (0.0, 3.5), ..Self::ACCELERATION };
+    pub(crate) const UNKNOWN: Self = Self { slopes: [0.0; 2], speed: (0.0, 3.5), ..Self::ACCELERATION };
 }
 
 /// Weight of the exponents of real textures, in observations. The spread of the exponents over textures (0.60 and 0.49,
@@ -78,7 +78,7 @@ pub(crate) struct Axis {
 
 impl Observation {
     /// A measured model as an observation.
-    pub fn of_model(at: &ModelAt, rate_hz: f64, cells: &Cells) -> Self {
+    pub(crate) fn of_model(at: &ModelAt, rate_hz: f64, cells: &Cells) -> Self {
         let variance = at.model.variance();
         let density = |frequency_hz: f64| {
             let frequency_rad = std::f64::consts::TAU * frequency_hz / rate_hz;
@@ -113,7 +113,7 @@ pub(crate) struct SpectralLaw {
 
 impl SpectralLaw {
     /// Fits the law to at least one observation of positive speed, force and power.
-    pub fn fit(observations: &[Observation], exponents: Exponents) -> Self {
+    pub(crate) fn fit(observations: &[Observation], exponents: Exponents) -> Self {
         let values = |value: fn(&Observation) -> f64| observations.iter().map(value);
         let mean_log = |value: fn(&Observation) -> f64| {
             values(value).map(f64::ln).sum::<f64>() / observations.len() as f64
@@ -147,13 +147,13 @@ impl SpectralLaw {
     }
 
     /// The same law without the linear fall of amplitude below the lightest force of the data.
-    pub fn without_fade(mut self) -> Self {
+    pub(crate) fn without_fade(mut self) -> Self {
         self.fade_n = 0.0;
         self
     }
 
     /// Density over the cells; zero at rest and in the air.
-    pub fn cells(&self, speed_m_s: f64, force_n: f64) -> Vec<f64> {
+    pub(crate) fn cells(&self, speed_m_s: f64, force_n: f64) -> Vec<f64> {
         let within = |x: f64, (low, high): (f64, f64)| x.clamp(low / SHAPE_REACH, high * SHAPE_REACH).ln();
         let logs = Vector2::new(within(speed_m_s, self.speed_m_s), within(force_n, self.force_n));
         let place = Vector3::new(1.0, logs[0] - self.centre[0], logs[1] - self.centre[1]);
@@ -200,7 +200,7 @@ impl SpectralLaw {
     }
 
     /// Like [`Self::correct`], with each observation as a stretch.
-    pub fn corrected(mut self, observations: &[Observation]) -> Self {
+    pub(crate) fn corrected(mut self, observations: &[Observation]) -> Self {
         let stretch = |at: &Observation| Stretch {
             place: Vector2::new(at.speed_m_s.ln(), at.force_n.ln()),
             seen: at.cells.clone(),
@@ -212,7 +212,7 @@ impl SpectralLaw {
     }
 
     /// Models at the points of a grid from rest to beyond the data, and triangles between them.
-    pub fn on_grid(&self, axis: Axis) -> Result<TextureModel, LearnTextureError> {
+    pub(crate) fn on_grid(&self, axis: Axis) -> Result<TextureModel, LearnTextureError> {
         let slowest = SLOWEST_M_S.min(self.speed_m_s.0);
         let fastest = (self.speed_m_s.1 * POWER_REACH).min(MAX_SPEED_M_S);
         let speeds = grid(slowest, fastest, SPEED_RATIO);
@@ -252,7 +252,12 @@ impl SpectralLaw {
     }
 
     /// The model of a positive speed and force, nowhere louder than [`LOUDEST`] allows.
-    pub fn model(&self, speed_m_s: f64, force_n: f64, axis: Axis) -> Result<ArmaModel, LearnTextureError> {
+    pub(crate) fn model(
+        &self,
+        speed_m_s: f64,
+        force_n: f64,
+        axis: Axis,
+    ) -> Result<ArmaModel, LearnTextureError> {
         // One-sided density to power a sample: half the rate.
         let mut cells = self.cells(speed_m_s, force_n);
         cells.iter_mut().for_each(|density| *density *= 0.5 * axis.rate_hz);

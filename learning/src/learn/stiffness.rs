@@ -45,7 +45,7 @@ pub enum StiffnessError {
 }
 
 /// The line between the force limits on the way in.
-pub fn fit_stiffness(
+pub(crate) fn fit_stiffness(
     curve: Vec<(f64, f64)>,
     settings: &StiffnessSettings,
 ) -> Result<StiffnessReport, StiffnessError> {

@@ -61,7 +61,8 @@ pub enum CoefficientFit {
 }
 
 /// The five criteria by which models are compared, in the order of [`SegmentReport::features`].
-pub const CRITERIA: [&str; 5] = ["residual variance", "power", "spectral centroid", "skewness", "kurtosis"];
+pub(crate) const CRITERIA: [&str; 5] =
+    ["residual variance", "power", "spectral centroid", "skewness", "kurtosis"];
 
 /// The report of learning a texture.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +90,7 @@ pub struct SegmentReport {
     pub speed_m_s: f64,
     /// Median normal force, N.
     pub force_n: f64,
-    /// Residual variance and power in (m/s²)², spectral centroid in Hz, skewness and kurtosis; see [`CRITERIA`].
+    /// Residual variance and power in (m/s²)², spectral centroid in Hz, skewness and kurtosis; see `CRITERIA`.
     pub features: [f64; 5],
     /// Studentized residuals of the features, if a plane could be fitted.
     pub residuals: [Option<f64>; 5],

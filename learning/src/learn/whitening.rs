@@ -19,7 +19,7 @@ impl Whitened {
     /// Filters `recording` by the inverse of `texture` along its speed and force.
     ///
     /// Samples below `min_speed_m_s` or `min_force_n` count as not dragged.
-    pub fn new(
+    pub(super) fn new(
         recording: &ProcessedRecording,
         texture: &TextureModel,
         min_speed_m_s: f64,
@@ -48,7 +48,7 @@ impl Whitened {
     }
 
     /// The samples at which the tool was dragged, concatenated.
-    pub fn dragged_samples(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(super) fn dragged_samples(&self) -> impl Iterator<Item = f64> + '_ {
         let samples = self.samples.iter().zip(&self.dragged);
         samples.filter(|(_, dragged)| **dragged).map(|(e, _)| *e)
     }

@@ -7,14 +7,13 @@
 
 use haptograph_signal::{Complex64, fft};
 use std::f64::consts::PI;
-use std::ops::Range;
 
 /// Bands are centred at 1000 · 10^(k/10) Hz, for k from this value to 0: 20 Hz to 1000 Hz.
 const LOWEST: i32 = -17;
 /// Number of third octaves merged into one band for a short take: 20 to 40 Hz.
 const LOW_BANDS: usize = 4;
 /// Duration below which a take cannot resolve 20 Hz from 25 Hz, s.
-pub const SHORT_S: f64 = 4.0;
+pub(crate) const SHORT_S: f64 = 4.0;
 /// Maximum upper edge of a band, relative to the rate.
 const HIGHEST_PART: f64 = 0.45;
 /// Minimum degrees of freedom of a power estimate.
@@ -64,7 +63,7 @@ impl Bands {
     }
 
     /// All bands within the rate, for models, which have no duration.
-    pub fn of_rate(rate_hz: f64) -> Self {
+    pub(crate) fn of_rate(rate_hz: f64) -> Self {
         Self::counted(f64::INFINITY, rate_hz)
     }
 
@@ -107,7 +106,7 @@ impl Bands {
     }
 
     /// Powers of a one-sided density in unit squared per Hz, as a function of frequency.
-    pub fn of_density(&self, density: impl Fn(f64) -> f64) -> BandPowers {
+    pub(crate) fn of_density(&self, density: impl Fn(f64) -> f64) -> BandPowers {
         let power = |band: &Band| {
             let step = (band.high_hz / band.low_hz).powf(1.0 / POINTS as f64);
             let mut low_hz = band.low_hz;
@@ -204,18 +203,13 @@ pub struct BandPowers {
 }
 
 impl BandPowers {
-    /// The bands.
-    pub fn bands(&self) -> &Bands {
-        &self.bands
-    }
-
     /// The powers, from low to high.
     pub fn powers(&self) -> &[f64] {
         &self.powers
     }
 
     /// Total power in all bands.
-    pub fn total(&self) -> f64 {
+    pub(crate) fn total(&self) -> f64 {
         self.powers.iter().sum()
     }
 
@@ -229,7 +223,7 @@ impl BandPowers {
     }
 
     /// Shares of the power in nine bands from low to high, each of two third octaves if no band is omitted.
-    pub fn shares_of_nine(&self) -> Vec<f64> {
+    pub(crate) fn shares_of_nine(&self) -> Vec<f64> {
         let total = self.total();
         let edge = |n: i32| 10f64.powf(2.95 + f64::from(LOWEST + 2 * n) / 10.0);
         let edges: Vec<f64> = (0..9).map(edge).collect();
@@ -316,14 +310,6 @@ fn weighted_rms(values: &[f64], weights: &[f64]) -> Option<f64> {
     let total: f64 = weights.iter().sum();
     let squares: f64 = values.iter().zip(weights).map(|(x, w)| w * x * x).sum();
     (total > 0.0).then(|| (squares / total).sqrt())
-}
-
-/// The pieces of a signal in the given ranges, clipped to its length.
-pub fn pieces<'a>(
-    signal: &'a [f64],
-    ranges: &'a [Range<usize>],
-) -> impl Iterator<Item = &'a [f64]> + Clone + 'a {
-    ranges.iter().map(|range| &signal[range.start.min(signal.len())..range.end.min(signal.len())])
 }
 
 #[cfg(test)]

@@ -3,16 +3,16 @@
 //!
 //! - [`spectral`]: normalized spectral error, power error and spectral difference of thesis section 2.5.1; windowed power and spectral
 //!   centroid.
-//! - [`responsiveness`]: the losses of their variation, section 4.5.3.
-//! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
+//! - `responsiveness`: the losses of their variation, section 4.5.3.
+//! - `bands`: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
 //! - [`level`]: kurtosis and levels over time.
-//! - [`image`]: roughness and fineness of a photograph, section 3.2.
+//! - `image`: roughness and fineness of a photograph, section 3.2.
 
-pub mod bands;
-pub mod image;
+pub(crate) mod bands;
+pub(crate) mod image;
 pub mod level;
 mod pairs;
-pub mod responsiveness;
+pub(crate) mod responsiveness;
 pub mod spectral;
 
 pub use bands::{Band, BandErrors, BandPowers, Bands, log_spectral_distance};

@@ -8,7 +8,7 @@ use super::spectral::{ErrorStatistics, MetricError, WindowedSpectra};
 const BLOCK: usize = 8;
 
 /// Window errors of all pairs of signals, as `(0, 1), (0, 2), ..., (1, 2), ...`: see [`pair_index`]. Equal to
-/// the bit to [`PairErrors::statistics`](super::PairErrors::statistics) of each pair, on any number of cores.
+/// the bit to `PairErrors::statistics` of each pair, on any number of cores.
 pub fn all_pairs(
     signals: &[WindowedSpectra],
     progress: &(dyn Fn(f64) + Sync),

@@ -17,7 +17,7 @@ pub struct VariationLoss {
 
 /// Compares a condition's signal with the control signal. The windows of the thesis are
 /// [`WindowSettings::RESPONSIVENESS`].
-pub fn variation_loss(
+pub(crate) fn variation_loss(
     control: &[f64],
     condition: &[f64],
     rate_hz: f64,
@@ -35,7 +35,7 @@ pub fn variation_loss(
 /// The spectral difference SD_x of several surfaces under one condition: both losses in units of their
 /// standard deviation over the surfaces. Eq. 4.5.4. A loss that is equal for all surfaces does not
 /// distinguish them and counts zero.
-pub fn responsiveness_differences(losses: &[VariationLoss]) -> Vec<f64> {
+pub(crate) fn responsiveness_differences(losses: &[VariationLoss]) -> Vec<f64> {
     let deviation =
         |value: fn(&VariationLoss) -> f64| standard_deviation(&losses.iter().map(value).collect::<Vec<_>>());
     let (power, centroid) = (deviation(|loss| loss.power), deviation(|loss| loss.centroid_hz));

@@ -44,7 +44,7 @@ impl WindowSettings {
     }
 
     /// Section 4.5.3: 32 samples at 1 kHz, none shared; the thesis mentions no taper.
-    pub const RESPONSIVENESS: Self = Self { samples: 32, overlap: 0, window: Window::Rectangular };
+    pub(crate) const RESPONSIVENESS: Self = Self { samples: 32, overlap: 0, window: Window::Rectangular };
 }
 
 impl Default for WindowSettings {
@@ -139,12 +139,12 @@ impl WindowedSpectra {
     }
 
     /// Number of windows.
-    pub fn windows(&self) -> usize {
+    pub(crate) fn windows(&self) -> usize {
         self.power.len()
     }
 
     /// Mean square of each window, weighted by the taper, in the signal's unit squared.
-    pub fn power(&self) -> &[f64] {
+    pub(crate) fn power(&self) -> &[f64] {
         &self.power
     }
 
@@ -158,7 +158,7 @@ impl WindowedSpectra {
     }
 
     /// Spectral centroid of each window in Hz, 0 in silence. Eq. 2.5.4, Eq. 4.5.2.
-    pub fn spectral_centroids_hz(&self) -> Vec<f64> {
+    pub(crate) fn spectral_centroids_hz(&self) -> Vec<f64> {
         let frequency_hz: Vec<f64> =
             (0..self.bins).map(|k| k as f64 * self.rate_hz / self.settings.samples as f64).collect();
         let centroid = |window| {
@@ -222,7 +222,7 @@ impl PairErrors {
     }
 
     /// Means and squared deviations of the errors.
-    pub fn statistics(&self) -> ErrorStatistics {
+    pub(crate) fn statistics(&self) -> ErrorStatistics {
         let mut statistics = ErrorStatistics::default();
         self.nse.iter().zip(&self.pe).for_each(|(&nse, &pe)| statistics.add(nse, pe));
         statistics
@@ -266,7 +266,7 @@ impl ErrorStatistics {
     }
 
     /// The statistics over the windows of both (Chan, Golub and LeVeque).
-    pub fn merged(&self, other: &Self) -> Self {
+    pub(crate) fn merged(&self, other: &Self) -> Self {
         let windows = self.windows + other.windows;
         if windows == 0 {
             return *self;
@@ -294,14 +294,14 @@ impl ErrorStatistics {
     /// The spectral difference in units of these deviations. Eq. 2.5.3.
     ///
     /// An error of zero counts zero for any deviation; a constant error that is not zero counts as infinite
-    /// (see [`are_infinite`](Self::are_infinite)). Differences at the level of rounding count zero.
+    /// (see `are_infinite`). Differences at the level of rounding count zero.
     pub fn spectral_difference(&self, deviations: &Deviations) -> f64 {
         in_deviations(self.nse, deviations.nse) + in_deviations(self.pe, deviations.pe)
     }
 
     /// True for the spectral and the power error if it is infinite in units of these deviations, because it
     /// is the same in every window.
-    pub fn are_infinite(&self, deviations: &Deviations) -> (bool, bool) {
+    pub(crate) fn are_infinite(&self, deviations: &Deviations) -> (bool, bool) {
         (
             in_deviations(self.nse, deviations.nse).is_infinite(),
             in_deviations(self.pe, deviations.pe).is_infinite(),

@@ -126,7 +126,7 @@ pub fn process(
 }
 
 /// The same with the tip's position and the force on the tool by axis.
-pub fn process_with_world(
+pub(crate) fn process_with_world(
     recording: &Recording,
     settings: &ProcessingSettings,
 ) -> Result<ProcessedRecording, ProcessingError> {
@@ -150,17 +150,6 @@ fn common_times(recording: &Recording) -> (Vec<usize>, Vec<f64>) {
         .unzip()
 }
 
-/// The same processed recording with another reduction of its axes.
-pub fn recombined(
-    recording: &ProcessedRecording,
-    settings: &ProcessingSettings,
-) -> Result<ProcessedRecording, ProcessingError> {
-    let mut signals = recording.signals().clone();
-    let axes = signals.axes_m_s2.as_ref().ok_or(ProcessingError::NoAxes)?;
-    signals.acceleration_m_s2 = combined(axes, signals.rate_hz, settings)?;
-    Ok(ProcessedRecording::new(signals, recording.gesture(), recording.provenance().clone())?)
-}
-
 /// Acceleration axes high-passed and combined to one, m/s².
 pub fn combined(
     axes: &[[f64; 3]],
@@ -182,7 +171,7 @@ pub fn combined(
 }
 
 /// A vibration without gravity and the hand's own motion.
-pub fn high_passed(
+pub(crate) fn high_passed(
     signal: &[f64],
     rate_hz: f64,
     settings: &ProcessingSettings,
@@ -302,7 +291,7 @@ fn velocities(
 }
 
 /// The speed of a tip by its positions, m/s.
-pub fn speeds(
+pub(crate) fn speeds(
     tips: &[[f64; 3]],
     rate_hz: f64,
     settings: &ProcessingSettings,

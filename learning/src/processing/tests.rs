@@ -139,16 +139,17 @@ fn the_other_reductions_do_what_their_names_say() {
 }
 
 #[test]
-fn a_recording_can_be_combined_again_in_another_way() {
+fn the_axes_of_a_recording_can_be_combined_in_another_way() {
     let processed = process(&circle(1.0, 0.03, 1.0, 1.0, 0.3), &ProcessingSettings::default()).unwrap();
+    let signals = processed.signals();
+    let axes = signals.axes_m_s2.as_ref().unwrap();
     for reduction in [AxisReduction::Sum, AxisReduction::PrincipalComponent, AxisReduction::VectorMagnitude] {
         let settings = ProcessingSettings { reduction, ..Default::default() };
-        let other = recombined(&processed, &settings).unwrap();
-        assert_ne!(other.signals().acceleration_m_s2, processed.signals().acceleration_m_s2);
-        assert_eq!(other.signals().speed_m_s, processed.signals().speed_m_s);
+        let other = combined(axes, signals.rate_hz, &settings).unwrap();
+        assert_ne!(other, signals.acceleration_m_s2);
     }
     let settings = ProcessingSettings { reduction: AxisReduction::SingleAxis(5), ..Default::default() };
-    assert_eq!(recombined(&processed, &settings), Err(ProcessingError::Axis(5)));
+    assert_eq!(combined(axes, signals.rate_hz, &settings), Err(ProcessingError::Axis(5)));
 }
 
 #[test]

@@ -174,7 +174,7 @@ impl ProcessedRecording {
     ///
     /// # Errors
     /// Axes of another length than the signals, or a number that is not finite.
-    pub fn with_world(mut self, world: WorldAxes) -> Result<Self, RecordingError> {
+    pub(crate) fn with_world(mut self, world: WorldAxes) -> Result<Self, RecordingError> {
         check_axes(
             "position axes",
             (bounds::MAX_POSITION_M, "m"),
@@ -187,7 +187,7 @@ impl ProcessedRecording {
     }
 
     /// Position and force by axis.
-    pub fn world(&self) -> &WorldAxes {
+    pub(crate) fn world(&self) -> &WorldAxes {
         &self.world
     }
 
@@ -216,12 +216,12 @@ impl ProcessedRecording {
     }
 
     /// The hand's movement.
-    pub fn gesture(&self) -> Gesture {
+    pub(crate) fn gesture(&self) -> Gesture {
         self.gesture
     }
 
     /// The origin.
-    pub fn provenance(&self) -> &Provenance {
+    pub(crate) fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 }
@@ -246,7 +246,7 @@ impl AnyRecording {
     }
 
     /// Samples of the vibration per second.
-    pub fn vibration_hz(&self) -> f64 {
+    pub(crate) fn vibration_hz(&self) -> f64 {
         match self {
             AnyRecording::Raw(recording) => recording.acceleration_v.rate_hz,
             AnyRecording::Processed(recording) => recording.rate_hz(),

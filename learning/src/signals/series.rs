@@ -21,12 +21,12 @@ impl<T> Series<T> {
     }
 
     /// Time of sample `index`, s.
-    pub fn time_s(&self, index: usize) -> f64 {
+    pub(crate) fn time_s(&self, index: usize) -> f64 {
         self.start_s + index as f64 / self.rate_hz
     }
 
     /// Time of the last sample, s.
-    pub fn end_s(&self) -> f64 {
+    pub(crate) fn end_s(&self) -> f64 {
         self.time_s(self.samples.len().saturating_sub(1))
     }
 

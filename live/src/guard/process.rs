@@ -48,7 +48,7 @@ pub(crate) struct Guard(Child);
 
 impl Guard {
     /// Starts a guard; `None` in a program without guards.
-    pub fn start(socket: &UdpSocket) -> io::Result<Option<Self>> {
+    pub(crate) fn start(socket: &UdpSocket) -> io::Result<Option<Self>> {
         let Some(program) = PROGRAM.get() else {
             return Ok(None);
         };
@@ -61,7 +61,7 @@ impl Guard {
     }
 
     /// Says where the device is now.
-    pub fn aim(&mut self, target: Option<Target>) {
+    pub(crate) fn aim(&mut self, target: Option<Target>) {
         let line = match target {
             Some(Target::Protocol(address)) => format!("protocol {address}\n"),
             #[cfg(feature = "osc")]
@@ -75,7 +75,7 @@ impl Guard {
     }
 
     /// Ends the guard at once.
-    pub fn end(mut self) {
+    pub(crate) fn end(mut self) {
         // It may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();

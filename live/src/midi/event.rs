@@ -20,7 +20,7 @@ enum Target {
 
 impl Event {
     /// Parses a message; none if it is of another kind, truncated or invalid.
-    pub fn parse(bytes: &[u8]) -> Option<Self> {
+    pub(super) fn parse(bytes: &[u8]) -> Option<Self> {
         let (&status, data) = bytes.split_first()?;
         let &[first, second] = data else { return None };
         if first > 127 || second > 127 {
@@ -41,7 +41,7 @@ impl Event {
     }
 
     /// The number for a selector, if the message matches.
-    pub fn number(&self, selector: &MidiSelector) -> Option<f64> {
+    pub(super) fn number(&self, selector: &MidiSelector) -> Option<f64> {
         let is_channel = selector.channel.is_none_or(|channel| channel == self.channel);
         let is_meant = match self.target {
             Target::AllNotes => matches!(selector.message, Message::Note(_)),
@@ -63,7 +63,7 @@ pub(super) struct ByteStream {
 
 impl ByteStream {
     /// Takes a byte. Returns the event that it completes.
-    pub fn take(&mut self, byte: u8) -> Option<Event> {
+    pub(crate) fn take(&mut self, byte: u8) -> Option<Event> {
         match byte {
             0xf8.. => None,
             // Exclusive and common messages end the running status; their data bytes are skipped.

@@ -32,7 +32,7 @@ const MAX_WAITING: usize = 1024;
 ///
 /// # Errors
 /// The system's error if it has no MIDI.
-pub fn names() -> Result<Vec<String>> {
+pub(super) fn names() -> Result<Vec<String>> {
     Ok(names_by(&MidiInput::new(CLIENT).map_err(Error::other)?))
 }
 

@@ -33,12 +33,12 @@ pub(super) struct MidiSelector {
 #[cfg(feature = "midi")]
 impl MidiSelector {
     /// The selector of an input.
-    pub fn of(settings: &MidiInputSettings) -> Self {
+    pub(super) fn of(settings: &MidiInputSettings) -> Self {
         Self { message: Message::from(&settings.message), channel: settings.channel }
     }
 
     /// True if the message is that of a key, which is held and released.
-    pub fn is_key(&self) -> bool {
+    pub(crate) fn is_key(&self) -> bool {
         matches!(self.message, Message::Note(_))
     }
 }

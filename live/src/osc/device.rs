@@ -19,7 +19,7 @@ pub(crate) struct Addresses {
 
 impl Addresses {
     /// The addresses of a device whose commands go to `send_to`.
-    pub fn new(settings: &OscDeviceSettings, send_to: Option<SocketAddr>) -> Self {
+    pub(crate) fn new(settings: &OscDeviceSettings, send_to: Option<SocketAddr>) -> Self {
         Self {
             position: settings.position.clone(),
             force: settings.force.clone(),
@@ -30,7 +30,7 @@ impl Addresses {
 
     /// Reads the state of the device out of a packet. Returns whether there was any: messages to other addresses are no
     /// error. Bundles apply at once.
-    pub fn read(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
+    pub(crate) fn read(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
         let packet = decode(bytes)?;
         let mut new = *sensed;
         let has_state = self.read_packet(&packet, &mut new)?;
@@ -68,7 +68,7 @@ impl Addresses {
     }
 
     /// Sends commands, if they go anywhere.
-    pub fn sender(&self) -> Option<OscSender> {
+    pub(crate) fn sender(&self) -> Option<OscSender> {
         self.send_to.map(|to| OscSender { to, every: self.every, next: Instant::now() })
     }
 }
@@ -94,7 +94,7 @@ pub(crate) struct OscSender {
 
 impl OscSender {
     /// True if the next command is due.
-    pub fn is_due(&mut self) -> bool {
+    pub(crate) fn is_due(&mut self) -> bool {
         let now = Instant::now();
         let due = now >= self.next;
         if due {
@@ -105,7 +105,7 @@ impl OscSender {
     }
 
     /// Sends a command.
-    pub fn send(&self, socket: &UdpSocket, driven: &[f64; DRIVEN]) {
+    pub(crate) fn send(&self, socket: &UdpSocket, driven: &[f64; DRIVEN]) {
         send_driven(socket, self.to, driven);
     }
 }

@@ -27,12 +27,12 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { buffer: [0; MAX_LINE_BYTES], length: None, is_first: true }
     }
 
     /// Passes on each line that ends in these bytes; an error stands for a line that is too long.
-    pub fn take(&mut self, bytes: &[u8], mut each: impl FnMut(Result<&[u8], Count>)) {
+    pub(crate) fn take(&mut self, bytes: &[u8], mut each: impl FnMut(Result<&[u8], Count>)) {
         for byte in bytes {
             if matches!(byte, b'\n' | b'\r') {
                 match self.length {

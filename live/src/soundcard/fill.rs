@@ -16,12 +16,18 @@ pub(super) struct PlaybackCallback<D> {
 
 impl<D: Driven> PlaybackCallback<D> {
     /// Takes the run out of the slot.
-    pub fn new(slot: &Detached<D>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+    pub(super) fn new(slot: &Detached<D>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self { live: slot.attach(), shared: Arc::clone(shared), due: Due::new(rate_hz, start) }
     }
 
     /// Fills a buffer of any length with frames of `channels` samples.
-    pub fn fill<T: Copy>(&mut self, data: &mut [T], channels: usize, silence: T, convert: impl Fn(f64) -> T) {
+    pub(super) fn fill<T: Copy>(
+        &mut self,
+        data: &mut [T],
+        channels: usize,
+        silence: T,
+        convert: impl Fn(f64) -> T,
+    ) {
         let began = Instant::now();
         data.fill(silence);
         let Some(live) = self.live.get() else { return };

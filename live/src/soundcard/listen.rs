@@ -44,7 +44,7 @@ pub(super) struct InputTap {
 
 impl InputTap {
     /// Starts an input, which reads what is written here.
-    pub fn of(input: &mut CardInput) -> Self {
+    pub(super) fn of(input: &mut CardInput) -> Self {
         let (writer, reader) = async_resampler(&input.ring);
         input.attach(reader);
         Self {
@@ -68,12 +68,17 @@ pub(super) struct CaptureCallback {
 
 impl CaptureCallback {
     /// Takes the taps out of the slot.
-    pub fn new(slot: &Detached<InputTaps>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+    pub(super) fn new(
+        slot: &Detached<InputTaps>,
+        shared: &Arc<Shared>,
+        rate_hz: u32,
+        start: Instant,
+    ) -> Self {
         Self { taps: slot.attach(), shared: Arc::clone(shared), due: Due::new(rate_hz, start) }
     }
 
     /// Takes a buffer of any length, frames of `channels` samples, the last of which was captured `age` ago.
-    pub fn capture<T: Copy>(
+    pub(crate) fn capture<T: Copy>(
         &mut self,
         data: &[T],
         channels: usize,

@@ -32,7 +32,7 @@ pub(super) struct ReconnectingStream<P> {
 
 impl<P: CallbackState> ReconnectingStream<P> {
     /// Opens a stream whose callback works with `it`.
-    pub fn open(request: Request, it: P) -> Result<Self, SoundcardError> {
+    pub(super) fn open(request: Request, it: P) -> Result<Self, SoundcardError> {
         let (sender, errors) = sync_channel(64);
         let start = Instant::now();
         let setup = Setup {
@@ -59,7 +59,7 @@ impl<P: CallbackState> ReconnectingStream<P> {
 
     /// Polls the stream, and tries to reopen it while its card is gone, each time
     /// after `anew` has reset the callback's state. Returns messages; `without` states what happens meanwhile.
-    pub fn poll(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<BackendEvent> {
+    pub(super) fn poll(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<BackendEvent> {
         let mut events: Vec<BackendEvent> = self.errors.try_iter().map(BackendEvent::Failed).collect();
         let now = Instant::now();
         let callbacks = self.shared().callbacks.load(Relaxed);
@@ -98,22 +98,22 @@ impl<P: CallbackState> ReconnectingStream<P> {
     }
 
     /// Counts and flags that the callback shares.
-    pub fn shared(&self) -> &Shared {
+    pub(crate) fn shared(&self) -> &Shared {
         &self.setup.shared
     }
 
     /// True if the card is gone.
-    pub fn is_away(&self) -> bool {
+    pub(crate) fn is_away(&self) -> bool {
         self.stream.is_none()
     }
 
     /// Counts of the stream.
-    pub fn counts(&self) -> CardCounts {
+    pub(super) fn counts(&self) -> CardCounts {
         self.shared().counts(self.vanished)
     }
 
     /// Closes the stream and returns the state of its callback.
-    pub fn close(mut self) -> Option<P> {
+    pub(crate) fn close(mut self) -> Option<P> {
         self.stream = None;
         self.setup.slot.lock().take().map(|it| *it)
     }

@@ -24,7 +24,7 @@ pub(super) struct Shared {
 
 impl Shared {
     /// The counts of a stream whose card has vanished `vanished` times.
-    pub fn counts(&self, vanished: u64) -> CardCounts {
+    pub(super) fn counts(&self, vanished: u64) -> CardCounts {
         CardCounts {
             xruns: self.xruns.load(Relaxed),
             xrun_delay_max_ns: self.xrun_delay_max_ns.load(Relaxed),
@@ -47,12 +47,12 @@ pub(super) struct Due {
 }
 
 impl Due {
-    pub fn new(rate_hz: u32, start: Instant) -> Self {
+    pub(super) fn new(rate_hz: u32, start: Instant) -> Self {
         Self { rate_hz: f64::from(rate_hz), start, next: None }
     }
 
     /// Records a callback; returns its delay and the duration of its frames.
-    pub fn record(&mut self, began: Instant, frames: usize, shared: &Shared) -> (Duration, Duration) {
+    pub(crate) fn record(&mut self, began: Instant, frames: usize, shared: &Shared) -> (Duration, Duration) {
         let lasts = Duration::from_secs_f64(frames as f64 / self.rate_hz);
         let due = self.next.unwrap_or(began);
         let late = began.saturating_duration_since(due);
@@ -82,16 +82,16 @@ impl<T> Clone for Detached<T> {
 }
 
 impl<T> Detached<T> {
-    pub fn of(it: T) -> Self {
+    pub(super) fn of(it: T) -> Self {
         Self(Arc::new(Mutex::new(Some(Box::new(it)))))
     }
 
-    pub fn lock(&self) -> MutexGuard<'_, Option<Box<T>>> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Option<Box<T>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Moves the state to a stream, if no other stream has it.
-    pub fn attach(&self) -> Active<T> {
+    pub(crate) fn attach(&self) -> Active<T> {
         Active { it: self.lock().take(), slot: self.clone() }
     }
 }
@@ -103,7 +103,7 @@ pub(super) struct Active<T> {
 }
 
 impl<T> Active<T> {
-    pub fn get(&mut self) -> Option<&mut T> {
+    pub(super) fn get(&mut self) -> Option<&mut T> {
         self.it.as_deref_mut()
     }
 }

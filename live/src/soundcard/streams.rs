@@ -136,7 +136,7 @@ impl Inputs {
     }
 
     /// Meters of the rings from the cards to the graph.
-    pub fn rings(&self) -> impl Iterator<Item = &RingMeter> {
+    pub(crate) fn rings(&self) -> impl Iterator<Item = &RingMeter> {
         self.rings.iter().map(|meter| &**meter)
     }
 

@@ -257,7 +257,7 @@ pub(super) fn choose(
 impl<P> Setup<P> {
     /// Returns a function that prepares the stream's thread at the first callback, before its first sample: only then
     /// it may block.
-    pub fn preparation(&self) -> impl FnMut() + Send + use<P> {
+    pub(crate) fn preparation(&self) -> impl FnMut() + Send + use<P> {
         let mut errors = Some(self.errors.clone());
         move || {
             if let Some(errors) = errors.take() {
@@ -269,7 +269,7 @@ impl<P> Setup<P> {
     }
 
     /// Returns the error callback of a stream.
-    pub fn failed(&self) -> impl FnMut(Error) + Send + use<P> {
+    pub(super) fn failed(&self) -> impl FnMut(Error) + Send + use<P> {
         let (shared, health) = (Arc::clone(&self.shared), Arc::clone(&self.health));
         let errors = self.errors.clone();
         move |error| match error.kind() {

@@ -3,7 +3,7 @@
 use super::{CardCounts, Listed, OpenedStream, Request, SoundcardError, card_requests};
 use crate::backend::BackendEvent;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Driven, Player, RingMeter};
+use haptograph_engine::run::{Driven, Player};
 use std::convert::Infallible;
 use std::marker::PhantomData;
 use std::sync::atomic::AtomicBool;
@@ -97,11 +97,6 @@ impl Inputs {
 
     /// For each stream: its endpoints, the request, the stream as opened, and its counts.
     pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &OpenedStream, CardCounts)> {
-        std::iter::empty()
-    }
-
-    /// Meters of the rings from the cards to the graph.
-    pub fn rings(&self) -> impl Iterator<Item = &RingMeter> {
         std::iter::empty()
     }
 

@@ -30,7 +30,7 @@ pub(super) struct Drivers {
 
 impl Drivers {
     /// Starts a driver for each of `lives`, which are in the order of the graph. `stop` stops them.
-    pub fn start(
+    pub(super) fn start(
         connections: Connections,
         graph: &Graph,
         lives: Vec<Player>,
@@ -47,7 +47,7 @@ impl Drivers {
     }
 
     /// What the system refused at the start, without repetition.
-    pub fn notes(&self) -> Vec<String> {
+    pub(super) fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for note in self.connections.status().into_iter().flat_map(|known| known.refused) {
             if !notes.contains(&note) {
@@ -58,7 +58,7 @@ impl Drivers {
     }
 
     /// True if the run is over or, with `stopping`, if nothing can end it: its soundcard is gone.
-    pub fn is_finished(&self, stopping: bool) -> bool {
+    pub(super) fn is_finished(&self, stopping: bool) -> bool {
         self.all().all(|driver| match driver.state {
             State::Finished => true,
             State::Waiting => stopping,
@@ -67,7 +67,7 @@ impl Drivers {
     }
 
     /// True if one driver has ended while others still run; they must then be stopped.
-    pub fn is_partly_finished(&mut self) -> bool {
+    pub(super) fn is_partly_finished(&mut self) -> bool {
         if self.first_end.is_none() && self.all().any(|driver| driver.state == State::Finished) {
             self.first_end = Some(Instant::now());
         }
@@ -75,14 +75,14 @@ impl Drivers {
     }
 
     /// Waits for the end of the run. Returns its real-time sides in the order of the graph.
-    pub fn join(&mut self) -> Result<Vec<Player>, BackendError> {
+    pub(super) fn join(&mut self) -> Result<Vec<Player>, BackendError> {
         self.is_closed = true;
         let lives = self.connections.close()?;
         Ok(lives.into_iter().map(|(_, live)| live).collect())
     }
 
     /// Stops all drivers and waits until none drives any device.
-    pub fn stop(&mut self) {
+    pub(super) fn stop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         let since = Instant::now();
         while !self.is_finished(true) && since.elapsed() < STOP_TIMEOUT {

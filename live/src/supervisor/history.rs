@@ -17,7 +17,7 @@ pub(super) struct Notes {
 impl Notes {
     /// Adds an event. Returns its note if it is to be shown: that of a device that was lost or found each time, an error
     /// once, since a failing card repeats it thousands of times.
-    pub fn add(&mut self, event: BackendEvent) -> Option<String> {
+    pub(super) fn add(&mut self, event: BackendEvent) -> Option<String> {
         let (note, is_shown) = match event {
             BackendEvent::Changed(note) => (note, true),
             BackendEvent::Failed(note) => {
@@ -37,7 +37,7 @@ impl Notes {
     }
 
     /// All notes, each with how often it came.
-    pub fn counted(self) -> Vec<String> {
+    pub(super) fn counted(self) -> Vec<String> {
         let counted = self.list.into_iter().map(|(note, times)| match times {
             1 => note,
             _ => format!("{note} ({times} times)"),
@@ -73,15 +73,15 @@ impl fmt::Display for Entry {
 
 impl History {
     /// Maximum number of entries.
-    pub const MAX: usize = 200;
+    pub(super) const MAX: usize = 200;
 
     /// Adds a setting.
-    pub fn set(&mut self, at_s: f64, name: Arc<str>, value: SettingValue, origin: Origin) {
+    pub(super) fn set(&mut self, at_s: f64, name: Arc<str>, value: SettingValue, origin: Origin) {
         self.push(Entry::Set(at_s, name, value, origin));
     }
 
     /// Adds the effect of a saved file.
-    pub fn saved(&mut self, at_s: f64, change: Change, set: &[(String, f64)]) {
+    pub(super) fn saved(&mut self, at_s: f64, change: Change, set: &[(String, f64)]) {
         let what = match change {
             Change::Settings(_) => settings_text(set),
             change => change.to_string(),
@@ -97,12 +97,12 @@ impl History {
     }
 
     /// The last entry.
-    pub fn last(&self) -> Option<String> {
+    pub(super) fn last(&self) -> Option<String> {
         self.list.last().map(Entry::to_string)
     }
 
     /// All entries, one per line.
-    pub fn lines(&self) -> String {
+    pub(super) fn lines(&self) -> String {
         match self.list.is_empty() {
             true => "nothing has been set yet\n".to_owned(),
             false => self.all().join("\n") + "\n",
@@ -110,7 +110,7 @@ impl History {
     }
 
     /// All entries.
-    pub fn all(&self) -> Vec<String> {
+    pub(super) fn all(&self) -> Vec<String> {
         let more = (self.more > 0).then(|| format!("and {} more", self.more));
         self.list.iter().map(Entry::to_string).chain(more).collect()
     }

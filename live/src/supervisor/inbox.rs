@@ -88,18 +88,18 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         let (sender, messages) = sync_channel(MAX_QUEUED);
         Self { messages, sender: RequestSender { messages: sender, latest: Arc::default() } }
     }
 
     /// A sender to this queue.
-    pub fn sender(&self) -> &RequestSender {
+    pub(super) fn sender(&self) -> &RequestSender {
         &self.sender
     }
 
     /// Waits for a message; returns its request.
-    pub fn wait(&self, longest: Duration) -> Option<Ordered<Request>> {
+    pub(super) fn wait(&self, longest: Duration) -> Option<Ordered<Request>> {
         match self.messages.recv_timeout(longest) {
             Ok(Message::Request(request)) => Some(request),
             Ok(Message::Wake) | Err(_) => None,
@@ -107,7 +107,7 @@ impl Inbox {
     }
 
     /// The requests among at most `room` waiting messages.
-    pub fn take(&self, room: usize) -> Vec<Ordered<Request>> {
+    pub(super) fn take(&self, room: usize) -> Vec<Ordered<Request>> {
         let messages = self.messages.try_iter().take(room);
         let request = |message| match message {
             Message::Request(request) => Some(request),

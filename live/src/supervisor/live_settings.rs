@@ -100,12 +100,12 @@ pub(super) struct PendingValue {
 
 impl LiveSettings {
     /// The live settings of a graph.
-    pub fn of<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> Self {
+    pub(super) fn of<'l>(settings: impl Iterator<Item = &'l LiveSetting>) -> Self {
         Self { by_name: targets(settings), handles: Vec::new(), latest: HashMap::new() }
     }
 
     /// Turns to the settings of another graph.
-    pub fn rebind<'l>(&mut self, settings: impl Iterator<Item = &'l LiveSetting>) {
+    pub(super) fn rebind<'l>(&mut self, settings: impl Iterator<Item = &'l LiveSetting>) {
         self.by_name = targets(settings);
         self.latest.retain(|name, _| self.by_name.contains_key(name));
         for bound in &mut self.handles {
@@ -113,12 +113,12 @@ impl LiveSettings {
         }
     }
 
-    pub fn target(&self, name: &str) -> Option<Target> {
+    pub(super) fn target(&self, name: &str) -> Option<Target> {
         self.by_name.get(name).copied()
     }
 
     /// A handle of a setting that the graph has.
-    pub fn handle(&mut self, name: &str, sender: &RequestSender) -> Option<SettingHandle> {
+    pub(super) fn handle(&mut self, name: &str, sender: &RequestSender) -> Option<SettingHandle> {
         let target = self.target(name)?;
         let is_in_use =
             |slot: &Arc<Slot>| Arc::strong_count(slot) > 1 || slot.is_pending.load(Ordering::Acquire);
@@ -139,7 +139,7 @@ impl LiveSettings {
     }
 
     /// The values that were set, in their order.
-    pub fn take_pending(&mut self) -> Vec<PendingValue> {
+    pub(super) fn take_pending(&mut self) -> Vec<PendingValue> {
         let bound = self.handles.iter().enumerate();
         let pending = bound.filter(|(_, bound)| bound.slot.is_pending.swap(false, Ordering::AcqRel));
         let mut pending: Vec<_> = pending
@@ -157,12 +157,12 @@ impl LiveSettings {
 
     /// Takes a handle's value once more at the next poll, unless there is a newer one: the queue to the driver was
     /// full.
-    pub fn retry(&self, handle: usize) {
+    pub(super) fn retry(&self, handle: usize) {
         self.handles[handle].slot.is_pending.store(true, Ordering::Release);
     }
 
     /// True if a value of this order is newer than all that were set by the same name.
-    pub fn is_newest(&mut self, name: &str, order: u64) -> bool {
+    pub(super) fn is_newest(&mut self, name: &str, order: u64) -> bool {
         match self.latest.get_mut(name) {
             Some(latest) if *latest > order => false,
             Some(latest) => {
@@ -177,14 +177,14 @@ impl LiveSettings {
     }
 
     /// Ends the handles: their values are no longer read.
-    pub fn end(&self) {
+    pub(super) fn end(&self) {
         for bound in &self.handles {
             bound.slot.has_ended.store(true, Ordering::Release);
         }
     }
 
     /// Records whether a handle's value was set. Returns true for the first refusal in a row.
-    pub fn note(&mut self, handle: usize, was_set: bool) -> bool {
+    pub(super) fn note(&mut self, handle: usize, was_set: bool) -> bool {
         let was_refused = std::mem::replace(&mut self.handles[handle].is_refused, !was_set);
         !was_set && !was_refused
     }

@@ -134,7 +134,7 @@ pub(super) struct Loading {
 
 impl Loader {
     /// Loads by a function.
-    pub fn new(load: LoadFn, registry: &Registry) -> Self {
+    pub(super) fn new(load: LoadFn, registry: &Registry) -> Self {
         Self { load, registry: Arc::new(registry.clone()), working: Arc::default() }
     }
 
@@ -142,7 +142,7 @@ impl Loader {
     ///
     /// # Errors
     /// A message if too many earlier loads hang, or if no thread can be started.
-    pub fn begin(&self, job: Job) -> Result<Loading, String> {
+    pub(super) fn begin(&self, job: Job) -> Result<Loading, String> {
         if Arc::strong_count(&self.working) > MAX_HANGING {
             return Err(format!("{MAX_HANGING} earlier loads have not finished"));
         }
@@ -165,7 +165,7 @@ impl Loader {
 
 impl Loading {
     /// The result if the load has finished. Resumes a panic of the loading thread.
-    pub fn poll(&self) -> Option<LoadOutcome> {
+    pub(super) fn poll(&self) -> Option<LoadOutcome> {
         match self.result.try_recv() {
             Ok(Ok(loaded)) => Some(loaded),
             Ok(Err(panic)) => resume_unwind(panic),
@@ -174,7 +174,7 @@ impl Loading {
     }
 
     /// Time since the load began.
-    pub fn elapsed(&self) -> Duration {
+    pub(super) fn elapsed(&self) -> Duration {
         self.began.elapsed()
     }
 }

@@ -41,12 +41,17 @@ struct Known {
 
 impl SilenceMonitor {
     /// Starts at `now`.
-    pub fn new(now: Instant) -> Self {
+    pub(super) fn new(now: Instant) -> Self {
         Self { start: now, known: Vec::new(), events: Vec::new() }
     }
 
     /// Takes the states of the inputs; returns messages for the user.
-    pub fn poll(&mut self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
+    pub(super) fn poll(
+        &mut self,
+        now: Instant,
+        inputs: &[InputStatus],
+        network: &Connections,
+    ) -> Vec<String> {
         // An input that leaves the graph and returns counts as new.
         self.known.retain(|known| inputs.iter().any(|input| input.device == known.device));
         inputs.iter().filter_map(|input| self.poll_one(now, input, network)).collect()
@@ -106,19 +111,24 @@ impl SilenceMonitor {
     }
 
     /// The inputs whose silence was reported and lasts.
-    pub fn silent(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn silent(&self) -> impl Iterator<Item = &str> {
         let silent = self.known.iter().filter(|known| known.is_reported);
         silent.map(|known| &*known.device)
     }
 
     /// Duration of an input's silence, beyond its timeout.
-    pub fn silent_for(&self, device: &str, now: Instant) -> Option<Duration> {
+    pub(super) fn silent_for(&self, device: &str, now: Instant) -> Option<Duration> {
         let known = self.known.iter().find(|known| known.device == device && !known.is_heard)?;
         Some(now.saturating_duration_since(known.since))
     }
 
     /// Final warnings, one for each input that never sent or fell silent.
-    pub fn warnings(&self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
+    pub(super) fn warnings(
+        &self,
+        now: Instant,
+        inputs: &[InputStatus],
+        network: &Connections,
+    ) -> Vec<String> {
         let warning = |input: &InputStatus| {
             if input.state == InputState::Never {
                 return Some(format!(
@@ -150,7 +160,7 @@ impl SilenceMonitor {
     }
 
     /// The reported silences, for `run.json`.
-    pub fn into_events(self) -> Vec<SilenceReport> {
+    pub(super) fn into_events(self) -> Vec<SilenceReport> {
         self.events
     }
 }

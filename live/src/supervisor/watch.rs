@@ -18,7 +18,7 @@ pub(super) type Stamp = Option<(SystemTime, u64)>;
 
 impl FileWatch {
     /// From the present state of the files on.
-    pub fn of(graph: &Graph) -> Self {
+    pub(super) fn of(graph: &Graph) -> Self {
         let sources = graph.sources().iter().filter(|source| source.is_file);
         let sources = sources.map(|source| source.path.clone());
         let named = graph.nodes().iter().flat_map(|node| node.files.clone());
@@ -35,7 +35,7 @@ impl FileWatch {
     }
 
     /// Also watches the files of another graph; pending changes of files already watched stay pending.
-    pub fn also(&mut self, other: Self) {
+    pub(super) fn also(&mut self, other: Self) {
         for (path, stamp) in other.files {
             if !self.files.iter().any(|(known, _)| *known == path) {
                 self.files.push((path, stamp));
@@ -44,7 +44,7 @@ impl FileWatch {
     }
 
     /// Watches the files of another graph instead; pending changes of files in both stay pending.
-    pub fn turn_to(&mut self, other: Self) {
+    pub(super) fn turn_to(&mut self, other: Self) {
         let before = std::mem::replace(&mut self.files, other.files);
         for (path, stamp) in &mut self.files {
             if let Some((_, known)) = before.iter().find(|(known, _)| known == path) {
@@ -54,7 +54,7 @@ impl FileWatch {
     }
 
     /// True once per change.
-    pub fn has_changed(&mut self) -> bool {
+    pub(super) fn has_changed(&mut self) -> bool {
         let (mut new, mut gone) = (false, false);
         for (path, known) in &mut self.files {
             let now = stamp(path);

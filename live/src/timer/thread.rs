@@ -77,7 +77,7 @@ impl Timer {
     }
 
     /// Requests real-time scheduling and locked memory for the calling thread.
-    pub fn prepare_thread(&self) -> TimerNotes {
+    pub(crate) fn prepare_thread(&self) -> TimerNotes {
         let mut notes = TimerNotes::default();
         #[cfg(not(target_os = "linux"))]
         notes.refused.push(

@@ -25,7 +25,7 @@ pub(super) struct SocketConfig {
 
 impl SocketConfig {
     /// True if peer, timeout and protocol are the same.
-    pub fn has_same_settings(&self, other: &Self) -> bool {
+    pub(super) fn has_same_settings(&self, other: &Self) -> bool {
         (self.only, self.timeout, &self.codec) == (other.only, other.timeout, &other.codec)
     }
 }
@@ -83,7 +83,12 @@ pub(super) struct Exchange<'a> {
 
 impl<'a> Exchange<'a> {
     /// An exchange that sends commands newer than `version`.
-    pub fn new(config: SocketConfig, socket: &'a UdpSocket, guard: Option<Guard>, version: u64) -> Self {
+    pub(super) fn new(
+        config: SocketConfig,
+        socket: &'a UdpSocket,
+        guard: Option<Guard>,
+        version: u64,
+    ) -> Self {
         Self {
             device: config.only,
             #[cfg(feature = "osc")]
@@ -101,7 +106,7 @@ impl<'a> Exchange<'a> {
     }
 
     /// Runs until `stop`, with new settings from `edits`.
-    pub fn run(mut self, edits: &Receiver<SocketConfig>, stop: &AtomicBool) {
+    pub(super) fn run(mut self, edits: &Receiver<SocketConfig>, stop: &AtomicBool) {
         let mut bytes = vec![0; MAX_BYTES];
         self.aim_guard();
         while !stop.load(Ordering::Relaxed) && !guard::ends() {

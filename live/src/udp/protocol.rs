@@ -4,16 +4,16 @@
 //! side.
 
 /// Bytes of a state packet.
-pub const STATE_BYTES: usize = 120;
+pub(crate) const STATE_BYTES: usize = 120;
 /// Bytes of a command packet.
-pub const COMMAND_BYTES: usize = 72;
+pub(crate) const COMMAND_BYTES: usize = 72;
 /// First bytes of every packet.
-pub const MAGIC: [u8; 4] = *b"HGRF";
+pub(crate) const MAGIC: [u8; 4] = *b"HGRF";
 /// Version of this protocol.
-pub const VERSION: u16 = 1;
+pub(crate) const VERSION: u16 = 1;
 
 /// Largest magnitude of a number in a state, in SI units: 1000 km, 1 MN.
-pub const LARGEST: f64 = 1e6;
+pub(crate) const LARGEST: f64 = 1e6;
 
 const STATE: u16 = 1;
 const COMMAND: u16 = 2;
@@ -73,7 +73,7 @@ pub enum PacketError {
     /// A number is NaN or infinite.
     #[error("a number in the packet is NaN or infinite")]
     NotFinite,
-    /// A number is beyond [`LARGEST`].
+    /// A number is beyond 1e6.
     #[error("a number in the packet is beyond {LARGEST:e} in its SI unit")]
     TooLarge,
 }

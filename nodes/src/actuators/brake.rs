@@ -2,7 +2,6 @@
 //! pen drags as if it slid on a surface of higher friction.
 
 mod control;
-pub mod socket;
 pub mod solenoid;
 mod thermal;
 

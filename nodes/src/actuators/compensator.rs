@@ -11,15 +11,15 @@ use haptograph_signal::filter::{Biquad, Sections, SectionsState};
 use std::f64::consts::TAU;
 
 /// Default corner of the high-pass, Hz.
-pub const CORNER_HZ: f64 = 20.0;
+pub(crate) const CORNER_HZ: f64 = 20.0;
 /// Default bound of the current per acceleration, A/(m/s2).
-pub const MOST_A_PER_M_S2: f64 = 0.5;
+pub(crate) const MOST_A_PER_M_S2: f64 = 0.5;
 /// Lowest corner, Hz.
-pub const LEAST_CORNER_HZ: f64 = 0.1;
+pub(crate) const LEAST_CORNER_HZ: f64 = 0.1;
 
 /// Error of the design of a compensator.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum CompensatorError {
+pub(crate) enum CompensatorError {
     /// The response is not that of a stable actuator.
     #[error("the actuator's response has no two stable modes: fit it again or check its parameters")]
     NoActuator,
@@ -43,7 +43,7 @@ pub enum CompensatorError {
 
 /// Converts commanded acceleration into current. Allocates only when designed.
 #[derive(Debug, Clone)]
-pub struct Compensator {
+pub(crate) struct Compensator {
     corner_hz: f64,
     /// The lowest corner at which the gain keeps its bound.
     least_corner_hz: f64,
@@ -58,7 +58,7 @@ impl Compensator {
     /// The compensator for an actuator, run at `rate_hz` (10 kHz or more to hold its accuracy up to 500 Hz). Commanded to
     /// felt acceleration follows a high-pass with its corner at `corner_hz`. If the inverse there needs more current per
     /// acceleration than `most_a_per_m_s2` at any frequency, the corner moves up until it does not.
-    pub fn design(
+    pub(crate) fn design(
         actuator: &Response,
         corner_hz: f64,
         most_a_per_m_s2: f64,
@@ -87,13 +87,13 @@ impl Compensator {
     }
 
     /// Converts commanded accelerations, m/s2, into currents, A, in place.
-    pub fn process(&mut self, samples: &mut [f64]) {
+    pub(crate) fn process(&mut self, samples: &mut [f64]) {
         self.state.process_in_place(samples);
     }
 
     /// Moves the corner of the high-pass, Hz, as far as the bound of the gain allows; the filter goes on from what it
     /// holds. Does not allocate.
-    pub fn turn(&mut self, corner_hz: f64) {
+    pub(crate) fn turn(&mut self, corner_hz: f64) {
         if !in_band(corner_hz, self.rate_hz) {
             return;
         }
@@ -104,17 +104,17 @@ impl Compensator {
     }
 
     /// Takes over the state of another compensator.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.state.copy_state_from(&other.state);
     }
 
     /// The actual corner of the high-pass, Hz.
-    pub fn corner_hz(&self) -> f64 {
+    pub(crate) fn corner_hz(&self) -> f64 {
         self.corner_hz
     }
 
     /// The filter, A per m/s2.
-    pub fn filter(&self) -> &Sections {
+    pub(crate) fn filter(&self) -> &Sections {
         &self.filter
     }
 }

@@ -44,7 +44,7 @@ const MAX_ACCELERATION_M_S2: f64 = 1e9;
 /// A recording of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub struct Sweep<'a> {
-    /// Current, A. It should begin and end at rest ([`sweep_current`]).
+    /// Current, A. It should begin and end at rest (`sweep_current`).
     pub current_a: &'a [f64],
     /// Felt acceleration, m/s2, at the same times.
     pub acceleration_m_s2: &'a [f64],
@@ -166,7 +166,7 @@ fn fault_of_band([low_hz, high_hz]: [f64; 2], rate_hz: f64) -> String {
 
 /// A sweep of current, its frequency rising by equal factors in equal times, that starts and ends at rest (5 % of the
 /// time each to fade in and out).
-pub fn sweep_current(peak_a: f64, band_hz: [f64; 2], duration_s: f64, rate_hz: f64) -> Vec<f64> {
+pub(crate) fn sweep_current(peak_a: f64, band_hz: [f64; 2], duration_s: f64, rate_hz: f64) -> Vec<f64> {
     let count = (duration_s * rate_hz) as usize;
     let growth = (band_hz[1] / band_hz[0]).ln();
     let fade = |u: f64| 0.5 - 0.5 * (std::f64::consts::PI * (u / 0.05).clamp(0.0, 1.0)).cos();

@@ -36,7 +36,7 @@ pub struct TwoMass {
 
 /// Error of a set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum TwoMassError {
+pub(crate) enum TwoMassError {
     /// A parameter is zero, negative or not finite.
     #[error("the actuator's {name} is {value}: give a finite number above zero")]
     NotPositive {
@@ -70,7 +70,7 @@ impl TwoMass {
     /// A Haptuator on a stylus. **Placeholders, not measurements**: the maker's force (about 2.9 N/A) with a magnet,
     /// a suspension and a grip chosen so that the mounted actuator resonates near 100 Hz with a quality near 4.
     /// Replace them by a fit to your own actuator ([`super::identify`]).
-    pub const PLACEHOLDER: Self = Self {
+    pub(crate) const PLACEHOLDER: Self = Self {
         force_n_per_a: 2.9,
         magnet_kg: 0.006,
         suspension_n_per_m: 2100.0,
@@ -81,7 +81,7 @@ impl TwoMass {
     };
 
     /// The parameters, if all are finite and above zero.
-    pub fn checked(self) -> Result<Self, TwoMassError> {
+    pub(crate) fn checked(self) -> Result<Self, TwoMassError> {
         let named = [
             ("force_n_per_a", self.force_n_per_a),
             ("magnet_kg", self.magnet_kg),
@@ -98,7 +98,7 @@ impl TwoMass {
     }
 
     /// One actuator of this kind: each parameter up to `tolerance` (a fraction below one) off, by seed.
-    pub fn of_seed(&self, tolerance: f64, seed: u64) -> Self {
+    pub(crate) fn of_seed(&self, tolerance: f64, seed: u64) -> Self {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut around = |value: f64| value * (1.0 + tolerance * (2.0 * rng.random::<f64>() - 1.0));
         Self {
@@ -159,7 +159,7 @@ impl TwoMass {
     }
 
     /// A machine with these parameters; its inputs hold over each tick of `rate_hz`.
-    pub fn machine(&self, rate_hz: f64) -> TwoMassMachine {
+    pub(crate) fn machine(&self, rate_hz: f64) -> TwoMassMachine {
         let (a, b) = self.state_space();
         // exp of [A B; 0 0] T holds the state's and the held inputs' transition, exactly.
         let mut block = Matrix6::zeros();
@@ -189,7 +189,7 @@ impl Response {
     /// The two quadratics s^2 + (w/q) s + w^2 whose product is the denominator, the higher frequency first.
     ///
     /// Returns none if the denominator is not a stable pair of modes.
-    pub fn modes(&self) -> Option<[Mode; 2]> {
+    pub(crate) fn modes(&self) -> Option<[Mode; 2]> {
         let factors = quadratic_factors(self.denominator)?;
         let mut modes = factors.map(|[linear, constant]| Mode {
             frequency_hz: constant.sqrt() / std::f64::consts::TAU,
@@ -240,7 +240,7 @@ fn quadratic_factors([c3, c2, c1, c0]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
 
 /// Two masses in motion, stepped exactly for inputs held over each tick. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct TwoMassMachine {
+pub(crate) struct TwoMassMachine {
     transition: [[f64; 6]; 4],
     rate_hz: f64,
     state: [f64; 4],
@@ -249,7 +249,7 @@ pub struct TwoMassMachine {
 
 /// Measurable state of a [`TwoMassMachine`] at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TwoMassReading {
+pub(crate) struct TwoMassReading {
     /// Acceleration of the body, which the hand feels, m/s2: the mean over the last tick (an instantaneous value
     /// would alias the steps of the held current).
     pub acceleration_m_s2: f64,
@@ -261,7 +261,7 @@ pub struct TwoMassReading {
 
 impl TwoMassMachine {
     /// Advances one tick under a current and an external force on the body, both held. NaN and infinity count as zero.
-    pub fn advance(&mut self, current_a: f64, force_n: f64) {
+    pub(crate) fn advance(&mut self, current_a: f64, force_n: f64) {
         let [current_a, force_n] = [current_a, force_n].map(|u| if u.is_finite() { u } else { 0.0 });
         let [magnet_m, magnet_m_s, body_m, body_m_s] = self.state;
         // Written out: a sum over an iterator is a call for each row where the compiler does not inline it.
@@ -274,7 +274,7 @@ impl TwoMassMachine {
     }
 
     /// The state at this tick.
-    pub fn read(&self) -> TwoMassReading {
+    pub(crate) fn read(&self) -> TwoMassReading {
         TwoMassReading {
             acceleration_m_s2: self.acceleration_m_s2,
             body_m: self.state[2],
@@ -284,7 +284,7 @@ impl TwoMassMachine {
 
     /// Acceleration per current of the machine at a frequency: current held over a tick, the tick's mean
     /// acceleration read at its end, m/s2/A.
-    pub fn response_at(&self, frequency_hz: f64) -> Complex64 {
+    pub(crate) fn response_at(&self, frequency_hz: f64) -> Complex64 {
         let z = Complex64::from_polar(1.0, std::f64::consts::TAU * frequency_hz / self.rate_hz);
         let a = Matrix4::from_fn(|i, j| Complex64::from(self.transition[i][j]));
         let b = Vector4::from_fn(|i, _| Complex64::from(self.transition[i][4]));

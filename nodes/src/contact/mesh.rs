@@ -18,7 +18,7 @@ const SIZES_M: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 const FARTHEST: f64 = 1e6;
 
 /// No triangle on the other side of an edge.
-pub const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// A triangle mesh, in metres. Closed meshes are oriented so that their normals point outwards.
 #[derive(Debug, Clone)]
@@ -28,7 +28,6 @@ pub struct TriangleMesh {
     normals: Vec<Vec3>,
     /// Neighbours of each triangle across its edges 0-1, 1-2 and 2-0, or [`NONE`].
     neighbours: Vec<[u32; 3]>,
-    removed: usize,
     diagonal_m: f64,
     centre_m: Vec3,
     index: Index,
@@ -158,7 +157,6 @@ impl TriangleMesh {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
-        let removed = named.len() - triangles.len();
         let mut neighbours = neighbours(&triangles);
         let closed = neighbours.iter().flatten().all(|&n| n != NONE);
         if closed && volume(&vertices, &triangles) < 0.0 {
@@ -176,7 +174,6 @@ impl TriangleMesh {
             triangles,
             normals,
             neighbours,
-            removed,
             diagonal_m,
             centre_m: std::array::from_fn(|i| 0.5 * (low[i] + high[i])),
             index,
@@ -184,7 +181,7 @@ impl TriangleMesh {
     }
 
     /// Corners, m.
-    pub fn vertices(&self) -> &[Vec3] {
+    pub(crate) fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
@@ -193,33 +190,28 @@ impl TriangleMesh {
         &self.triangles
     }
 
-    /// Number of removed triangles without area.
-    pub fn removed(&self) -> usize {
-        self.removed
-    }
-
     /// Diagonal of the bounding box, m.
-    pub fn diagonal_m(&self) -> f64 {
+    pub(crate) fn diagonal_m(&self) -> f64 {
         self.diagonal_m
     }
 
     /// Outward unit normal of a triangle.
-    pub fn normal(&self, triangle: u32) -> Vec3 {
+    pub(crate) fn normal(&self, triangle: u32) -> Vec3 {
         self.normals[triangle as usize]
     }
 
     /// Corners of a triangle, m.
-    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+    pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|i| self.vertices[i as usize])
     }
 
     /// The triangles across the edges 0-1, 1-2 and 2-0 of a triangle, or [`NONE`].
-    pub fn neighbours(&self, triangle: u32) -> [u32; 3] {
+    pub(crate) fn neighbours(&self, triangle: u32) -> [u32; 3] {
         self.neighbours[triangle as usize]
     }
 
     /// Centre of the bounding box, m.
-    pub fn centre_m(&self) -> Vec3 {
+    pub(crate) fn centre_m(&self) -> Vec3 {
         self.centre_m
     }
 
@@ -241,7 +233,7 @@ impl TriangleMesh {
     }
 
     /// The same mesh, moved.
-    pub fn moved(&self, by_m: Vec3) -> Result<Self, MeshError> {
+    pub(crate) fn moved(&self, by_m: Vec3) -> Result<Self, MeshError> {
         let corners: Vec<Vec3> = self.vertices.iter().map(|v| add(*v, by_m)).collect();
         Self::new(&corners, &self.triangles)
     }
@@ -383,7 +375,7 @@ fn volume(vertices: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
 }
 
 /// The point of a triangle closest to a point.
-pub fn closest_on_triangle(point: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
+pub(crate) fn closest_on_triangle(point: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
     let normal = cross(sub(b, a), sub(c, a));
     let inside = |from: Vec3, to: Vec3| dot(cross(sub(to, from), sub(point, from)), normal) >= 0.0;
     if inside(a, b) && inside(b, c) && inside(c, a) {

@@ -58,7 +58,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::choices! {
     /// One shape of a scene.
-    pub enum Solid {
+    pub(crate) enum Solid {
         /// A half space.
         Plane(PlaneSettings),
         /// A sphere.
@@ -74,7 +74,7 @@ haptograph_engine::choices! {
 
 /// One shape, written as such, or a list of shapes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Solids(pub Vec<Solid>);
+pub(crate) struct Solids(pub Vec<Solid>);
 
 impl Setting for Solids {
     fn expected() -> Expected {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 haptograph_engine::choices! {
     /// A convex object.
-    pub enum Object {
+    pub(crate) enum Object {
         /// A cube.
         Cube(CubeSettings),
         /// A cylinder standing on its base.
@@ -67,7 +67,7 @@ const BALL_SPLITS: u32 = 5;
 ///
 /// # Errors
 /// [`BuildError`] if its mesh cannot be read or made.
-pub fn on_sensor(object: &Object, height_m: f64) -> Result<Arc<TriangleMesh>, BuildError> {
+pub(crate) fn on_sensor(object: &Object, height_m: f64) -> Result<Arc<TriangleMesh>, BuildError> {
     let made = match object {
         Object::Cube(cube) => TriangleMesh::cuboid([cube.edge_mm.si(); 3]),
         Object::Cylinder(cylinder) => {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// The proxy of one tool on one mesh. Never allocates.
 #[derive(Debug, Clone)]
-pub struct MeshProxy {
+pub(crate) struct MeshProxy {
     mesh: Arc<TriangleMesh>,
     proxy_m: Vec3,
     /// Distance that the proxy keeps from the surface: a millionth of the mesh, far below any device's step.
@@ -34,34 +34,24 @@ const MAX_ROUNDS: usize = 12;
 
 impl MeshProxy {
     /// A proxy at a point in free space, on the side of the surface that the tool feels.
-    pub fn new(mesh: Arc<TriangleMesh>, start_m: Vec3) -> Self {
+    pub(crate) fn new(mesh: Arc<TriangleMesh>, start_m: Vec3) -> Self {
         let skin_m = 1e-6 * mesh.diagonal_m();
         Self { mesh, proxy_m: start_m, skin_m }
     }
 
     /// A proxy outside the mesh, above it along z.
-    pub fn outside(mesh: Arc<TriangleMesh>) -> Self {
+    pub(crate) fn outside(mesh: Arc<TriangleMesh>) -> Self {
         let start_m = add_scaled(mesh.centre_m(), [0.0, 0.0, 1.0], mesh.diagonal_m());
         Self::new(mesh, start_m)
     }
 
     /// Takes over the position of another proxy, on the same or a similar mesh.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.proxy_m = other.proxy_m;
     }
 
-    /// The mesh.
-    pub fn mesh(&self) -> &TriangleMesh {
-        &self.mesh
-    }
-
-    /// Position of the proxy, m.
-    pub fn proxy_m(&self) -> Vec3 {
-        self.proxy_m
-    }
-
     /// Advances one tick with the device at `hip_m`. A position that is not finite gives no contact and does not move the proxy.
-    pub fn update(&mut self, hip_m: Vec3) -> Contact {
+    pub(crate) fn update(&mut self, hip_m: Vec3) -> Contact {
         if !hip_m.iter().all(|x| x.is_finite()) {
             return Contact::free(hip_m);
         }

@@ -51,7 +51,7 @@ pub enum Shape {
 
 /// Error of a shape.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum ShapeError {
+pub(crate) enum ShapeError {
     /// A setting is out of range.
     #[error("the shape's {name} is {value}: give {range}")]
     OutOfRange {
@@ -66,7 +66,7 @@ pub enum ShapeError {
 
 /// A tool and a shape. Allocates only when made.
 #[derive(Debug, Clone)]
-pub struct Touch {
+pub(crate) struct Touch {
     kind: Kind,
 }
 
@@ -81,7 +81,7 @@ enum Kind {
 
 impl Touch {
     /// A tool whose tip is a sphere of this diameter, m (0: a point).
-    pub fn new(shape: &Shape, proxy_diameter_m: f64) -> Result<Self, ShapeError> {
+    pub(crate) fn new(shape: &Shape, proxy_diameter_m: f64) -> Result<Self, ShapeError> {
         let radius_m = 0.5 * proxy_diameter_m;
         if !(radius_m >= 0.0 && radius_m.is_finite()) {
             let range = "a finite length in m, zero or more";
@@ -123,7 +123,7 @@ impl Touch {
     }
 
     /// Takes over the state of another tool on a shape of the same kind.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         match (&mut self.kind, &other.kind) {
             (Kind::Sphere { last_normal, .. }, Kind::Sphere { last_normal: other, .. }) => {
                 *last_normal = *other
@@ -135,7 +135,7 @@ impl Touch {
     }
 
     /// Advances one tick with the device at `hip_m`. A position that is not finite gives no contact.
-    pub fn update(&mut self, hip_m: Vec3) -> Contact {
+    pub(crate) fn update(&mut self, hip_m: Vec3) -> Contact {
         if !hip_m.iter().all(|x| x.is_finite()) {
             return Contact::free(hip_m);
         }
@@ -252,27 +252,27 @@ fn entry(half_m: Vec3, from_m: Vec3, to_m: Vec3) -> Option<(usize, f64)> {
 
 /// Several shapes at once; the deepest contact applies.
 #[derive(Debug, Clone)]
-pub struct Scene {
+pub(crate) struct Scene {
     touches: Vec<Touch>,
 }
 
 impl Scene {
     /// A tool whose tip is a sphere of this diameter, m, among shapes.
-    pub fn new(shapes: &[Shape], proxy_diameter_m: f64) -> Result<Self, ShapeError> {
+    pub(crate) fn new(shapes: &[Shape], proxy_diameter_m: f64) -> Result<Self, ShapeError> {
         let touches =
             shapes.iter().map(|shape| Touch::new(shape, proxy_diameter_m)).collect::<Result<_, _>>()?;
         Ok(Self { touches })
     }
 
     /// Takes over the state of another tool among shapes of the same kinds.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         for (touch, other) in self.touches.iter_mut().zip(&other.touches) {
             touch.copy_state_from(other);
         }
     }
 
     /// Advances one tick; returns the deepest contact and the index of its shape.
-    pub fn update(&mut self, hip_m: Vec3) -> (Contact, usize) {
+    pub(crate) fn update(&mut self, hip_m: Vec3) -> (Contact, usize) {
         let free = (Contact::free(hip_m), 0);
         self.touches.iter_mut().map(|touch| touch.update(hip_m)).enumerate().fold(
             free,

@@ -1,11 +1,11 @@
 //! The normal force of a surface, and whether a sampled loop renders it passively.
 
 use super::Contact;
-use crate::vector::{Vec3, dot, scale};
+use crate::vector::{Vec3, dot};
 
 /// A wall: Hooke's law along the normal, with optional damping. It pushes and never pulls.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wall {
+pub(crate) struct Wall {
     /// Stiffness K, N/m. The thesis: 250 (4.3) and 500 (A.3.2).
     pub stiffness_n_per_m: f64,
     /// Damping B of the motion along the normal, N s/m. The thesis has none.
@@ -15,7 +15,7 @@ pub struct Wall {
 impl Wall {
     /// Magnitude of the normal force on the tool, N, moving at `velocity_m_s`.
     #[inline]
-    pub fn force_n(&self, contact: &Contact, velocity_m_s: Vec3) -> f64 {
+    pub(crate) fn force_n(&self, contact: &Contact, velocity_m_s: Vec3) -> f64 {
         if !contact.touching {
             return 0.0;
         }
@@ -24,14 +24,8 @@ impl Wall {
         force_n.max(0.0)
     }
 
-    /// Normal force on the tool, N.
-    #[inline]
-    pub fn push_n(&self, contact: &Contact, velocity_m_s: Vec3) -> Vec3 {
-        scale(contact.normal, self.force_n(contact, velocity_m_s))
-    }
-
     /// Passivity of the wall rendered by a device of this viscous damping at this sample rate.
-    pub fn passivity(&self, device_n_s_per_m: f64, rate_hz: f64) -> Passivity {
+    pub(crate) fn passivity(&self, device_n_s_per_m: f64, rate_hz: f64) -> Passivity {
         // b > K T / 2 + |B|
         let needed_n_s_per_m = 0.5 * self.stiffness_n_per_m / rate_hz + self.damping_n_s_per_m.abs();
         let room = device_n_s_per_m - self.damping_n_s_per_m.abs();
@@ -54,7 +48,7 @@ impl Wall {
 /// in it (Abbott and Okamura 2005), nor is the hand's own damping, which helps. A wall beyond the bound gives a warning; it is no
 /// proof of trouble.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Passivity {
+pub(crate) struct Passivity {
     /// True if the bound holds.
     pub passive: bool,
     /// Device damping above which it does, N s/m.
@@ -75,7 +69,7 @@ mod tests {
     #[test]
     fn a_wall_pushes_by_hookes_law_and_never_pulls() {
         let wall = Wall { stiffness_n_per_m: 250.0, damping_n_s_per_m: 2.0 };
-        assert_eq!(wall.push_n(&contact(0.004), [0.0; 3]), [0.0, 0.0, 1.0]);
+        assert_eq!(wall.force_n(&contact(0.004), [0.0; 3]), 1.0);
         assert_eq!(wall.force_n(&contact(0.004), [9.0, 0.0, -0.1]), 1.2);
         assert_eq!(wall.force_n(&contact(0.004), [0.0, 0.0, 1.0]), 0.0);
         assert_eq!(wall.force_n(&Contact::free([0.0; 3]), [0.0, 0.0, -1.0]), 0.0);

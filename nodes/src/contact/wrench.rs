@@ -3,7 +3,7 @@
 
 mod path;
 
-pub use path::{LEASH, SurfacePath};
+pub(crate) use path::{LEASH, SurfacePath};
 
 use super::mesh::{NotConvex, TriangleMesh};
 use crate::vector::{Vec3, ZERO, add_scaled, cross, dot, norm, scale};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Settings of contact location.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WrenchSettings {
+pub(crate) struct WrenchSettings {
     /// Force at which contact begins, N.
     pub threshold_n: f64,
     /// Uncertainty of the measured force, N.
@@ -29,7 +29,7 @@ impl Default for WrenchSettings {
 
 /// A contact located from a wrench, in the sensor's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WrenchContact {
+pub(crate) struct WrenchContact {
     /// True if the force is above the threshold.
     pub touching: bool,
     /// Point of contact on the surface, m; it holds its last value in free space.
@@ -56,7 +56,7 @@ pub struct WrenchContact {
 
 /// Locates contacts on one object. Never allocates.
 #[derive(Debug, Clone)]
-pub struct WrenchLocator {
+pub(crate) struct WrenchLocator {
     object: Arc<TriangleMesh>,
     settings: WrenchSettings,
     last: WrenchContact,
@@ -65,7 +65,7 @@ pub struct WrenchLocator {
 impl WrenchLocator {
     /// A locator for a convex object, given in the sensor's frame. A concave object is an error: a line could enter
     /// it more than once.
-    pub fn new(object: Arc<TriangleMesh>, settings: WrenchSettings) -> Result<Self, NotConvex> {
+    pub(crate) fn new(object: Arc<TriangleMesh>, settings: WrenchSettings) -> Result<Self, NotConvex> {
         object.check_convex()?;
         let last = WrenchContact {
             touching: false,
@@ -82,24 +82,19 @@ impl WrenchLocator {
         Ok(Self { object, settings, last })
     }
 
-    /// The object, in the sensor's frame.
-    pub fn object(&self) -> &TriangleMesh {
-        &self.object
-    }
-
     /// The settings, which may change from tick to tick.
-    pub fn settings_mut(&mut self) -> &mut WrenchSettings {
+    pub(crate) fn settings_mut(&mut self) -> &mut WrenchSettings {
         &mut self.settings
     }
 
     /// Takes over the last contact of another locator.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.last = other.last;
     }
 
     /// Advances one tick: the contact that causes the force and the torque on the object, N and N m. A wrench that is not finite, or whose
-    /// line of action overflows, gives no contact. The cost is bounded by [`TriangleMesh::most_visits`] of the object.
-    pub fn update(&mut self, force_on_object_n: Vec3, torque_on_object_n_m: Vec3) -> WrenchContact {
+    /// line of action overflows, gives no contact. The cost is bounded by that of [`TriangleMesh::meet_line`].
+    pub(crate) fn update(&mut self, force_on_object_n: Vec3, torque_on_object_n_m: Vec3) -> WrenchContact {
         let (force_n, torque_n_m) = (force_on_object_n, torque_on_object_n_m);
         let size_n = norm(force_n);
         // Written so that a NaN force gives no contact.
@@ -143,7 +138,7 @@ impl WrenchLocator {
 
     /// Uncertainty across the line of action for sizes of force and torque, N and N m. Eq. 5.2.4, written so that it is finite
     /// without torque.
-    pub fn uncertainty_m(&self, force_n: f64, torque_n_m: f64) -> f64 {
+    pub(crate) fn uncertainty_m(&self, force_n: f64, torque_n_m: f64) -> f64 {
         let by_torque = self.settings.torque_step_n_m / force_n;
         let by_force = torque_n_m * self.settings.force_step_n / (force_n * force_n);
         by_torque.hypot(by_force)

@@ -19,7 +19,7 @@ use crate::vector::{Vec3, ZERO, add, add_scaled, cross, dot, norm, reject, scale
 
 /// Effect of a growing load on the stretch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum UnderLoad {
+pub(crate) enum UnderLoad {
     /// The stretch shrinks until the spring's energy is covered: no motion gains energy.
     #[default]
     Passive,
@@ -29,7 +29,7 @@ pub enum UnderLoad {
 
 /// Settings of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DahlSettings {
+pub(crate) struct DahlSettings {
     /// Largest stretch for a coefficient of friction of 1, m.
     pub stretch_m: f64,
     /// Effect of a growing load on the stretch.
@@ -45,7 +45,7 @@ impl Default for DahlSettings {
 
 /// The friction of one tool. Never allocates.
 #[derive(Debug, Clone)]
-pub struct Dahl {
+pub(crate) struct Dahl {
     settings: DahlSettings,
     /// The touch so far; none in free space.
     held: Option<Held>,
@@ -63,18 +63,18 @@ struct Held {
 
 impl Dahl {
     /// Friction before the first touch.
-    pub fn new(settings: DahlSettings) -> Self {
+    pub(crate) fn new(settings: DahlSettings) -> Self {
         Self { settings, held: None }
     }
 
     /// Takes over the state of another friction.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.held = other.held;
     }
 
     /// Advances one tick: the friction on the tool, N, at a normal force and a coefficient of friction. A contact without a finite
     /// proxy, force or coefficient has none.
-    pub fn update(&mut self, contact: &Contact, load_n: f64, mu: f64) -> Vec3 {
+    pub(crate) fn update(&mut self, contact: &Contact, load_n: f64, mu: f64) -> Vec3 {
         let usable = contact.touching
             && contact.ihip_m.iter().chain(&contact.normal).all(|x| x.is_finite())
             && load_n.is_finite()
@@ -97,11 +97,6 @@ impl Dahl {
         self.held = Some(Held { proxy_m, normal, load_n, stretch_m, credit_j });
         // F = -mu F_n z / z_max. Eq. 4.3.2
         scale(stretch_m, -load_n / self.settings.stretch_m)
-    }
-
-    /// The stretch of the spring, m: tool less adhesion point.
-    pub fn stretch_m(&self) -> Vec3 {
-        self.held.map_or(ZERO, |held| held.stretch_m)
     }
 
     /// The factor on the stretch, and the credit left, when the load changes.

@@ -27,7 +27,7 @@ fn coefficient(mu: Option<f64>, surface: Option<&Path>) -> Result<f64, BuildErro
 
 haptograph_engine::choices! {
     /// Effect of a growing load on the stretch of [`DahlFriction`].
-    pub enum UnderGrowingLoad {
+    pub(crate) enum UnderGrowingLoad {
         /// The stretch shrinks until its energy is covered: no motion gains energy.
         Passive,
         /// The stretch does not change and gains energy, as printed in the thesis.

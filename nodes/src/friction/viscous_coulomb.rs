@@ -8,7 +8,7 @@ use crate::vector::{Vec3, ZERO, norm, reject, scale};
 
 /// The law.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViscousCoulomb {
+pub(crate) struct ViscousCoulomb {
     /// Slope b of the viscous region by normal force, s/m.
     pub slope_s_per_m: f64,
 }
@@ -24,16 +24,11 @@ impl ViscousCoulomb {
     /// Friction on the tool, N, at a velocity (its normal component is ignored), a normal force and a coefficient of
     /// friction. It is zero if one of them is not finite.
     #[inline]
-    pub fn force_n(&self, velocity_m_s: Vec3, normal: Vec3, load_n: f64, mu: f64) -> Vec3 {
+    pub(crate) fn force_n(&self, velocity_m_s: Vec3, normal: Vec3, load_n: f64, mu: f64) -> Vec3 {
         let along = reject(velocity_m_s, normal);
         let speed_m_s = norm(along);
         let size_n = load_n.max(0.0) * (self.slope_s_per_m * speed_m_s).min(mu);
         if speed_m_s > 0.0 && size_n.is_finite() { scale(along, -size_n / speed_m_s) } else { ZERO }
-    }
-
-    /// Speed above which the friction is Coulomb's, m/s. Eq. A.3.1
-    pub fn threshold_m_s(&self, mu: f64) -> f64 {
-        mu / self.slope_s_per_m
     }
 }
 
@@ -46,8 +41,8 @@ mod tests {
     #[test]
     fn thresholds_are_those_of_the_thesis() {
         let law = ViscousCoulomb::default();
-        assert!((law.threshold_m_s(0.17) - 0.0425).abs() < 1e-15);
-        assert!((law.threshold_m_s(1.39) - 0.3475).abs() < 1e-15);
+        assert!((0.17 / law.slope_s_per_m - 0.0425).abs() < 1e-15);
+        assert!((1.39 / law.slope_s_per_m - 0.3475).abs() < 1e-15);
     }
 
     #[test]
@@ -57,7 +52,7 @@ mod tests {
         assert_eq!(at(0.0), 0.0);
         assert!((at(0.01) + 2.0 * 4.0 * 0.01).abs() < 1e-15);
         assert!((at(0.5) + 0.6).abs() < 1e-15 && (at(-0.5) - 0.6).abs() < 1e-15);
-        let threshold = law.threshold_m_s(0.3);
+        let threshold = 0.3 / law.slope_s_per_m;
         assert!((at(threshold * (1.0 - 1e-9)) - at(threshold * (1.0 + 1e-9))).abs() < 1e-8);
     }
 

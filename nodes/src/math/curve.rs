@@ -21,7 +21,7 @@ haptograph_engine::choices! {
 
 haptograph_engine::choices! {
     /// Values beyond the points of a [`Curve`].
-    pub enum Beyond {
+    pub(crate) enum Beyond {
         /// The value of the nearest point.
         Hold,
         /// The curve repeats; the last point coincides with the first.

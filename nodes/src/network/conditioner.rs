@@ -115,7 +115,7 @@ const ORDER: usize = 2;
 
 impl Conditioner {
     /// A conditioner that takes a zero and low-passes at a cut-off.
-    pub fn new(zero: ZeroSettings, cutoff_hz: Option<f64>, rate: Rate) -> Result<Self, BuildError> {
+    pub(super) fn new(zero: ZeroSettings, cutoff_hz: Option<f64>, rate: Rate) -> Result<Self, BuildError> {
         let ticks = (zero.window_s * rate.hz()).ceil() as u64;
         let design = |cutoff_hz| butterworth_lowpass(ORDER, cutoff_hz, rate.hz());
         let filter = cutoff_hz.map(design).transpose().map_err(design_error("wrench_cutoff_hz"))?;
@@ -133,14 +133,14 @@ impl Conditioner {
     }
 
     /// Takes a zero that is known already in place of one of its own, if it takes one.
-    pub fn start_from(&mut self, known: Wrench) {
+    pub(super) fn start_from(&mut self, known: Wrench) {
         if self.zeroing.take().is_some() {
             self.zero = known;
         }
     }
 
     /// Advances one tick with a measurement, new or not. `is_heard` is false while the device is silent.
-    pub fn advance(&mut self, measured: Wrench, is_heard: bool, is_news: bool) -> Option<ZeroNews> {
+    pub(super) fn advance(&mut self, measured: Wrench, is_heard: bool, is_news: bool) -> Option<ZeroNews> {
         self.was_heard |= is_heard;
         let news = match &mut self.zeroing {
             Some(zeroing) if is_heard => zeroing.take(measured, is_news),
@@ -168,12 +168,12 @@ impl Conditioner {
     }
 
     /// The conditioned wrench; zero until the zero is known.
-    pub fn wrench(&self) -> &Wrench {
+    pub(super) fn wrench(&self) -> &Wrench {
         &self.wrench
     }
 
     /// Delay of the filter, s.
-    pub fn group_delay_s(&self) -> f64 {
+    pub(super) fn group_delay_s(&self) -> f64 {
         self.group_delay_s
     }
 }

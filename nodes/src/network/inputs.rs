@@ -59,7 +59,7 @@ pub(crate) struct Mapping {
 
 impl Mapping {
     /// A map from one range to another.
-    pub fn new(from: [f64; 2], to: [f64; 2]) -> Result<Self, BuildError> {
+    pub(crate) fn new(from: [f64; 2], to: [f64; 2]) -> Result<Self, BuildError> {
         if from[0] == from[1] {
             let message = format!("both ends of `from` are {}", from[0]);
             return Err(BuildError::at("from", message)
@@ -74,7 +74,7 @@ impl Mapping {
     }
 
     /// Maps a finite number.
-    pub fn of(&self, heard: f64) -> f64 {
+    pub(crate) fn of(&self, heard: f64) -> f64 {
         let [[from, last], [low, high]] = [self.from, self.to];
         let share = ((heard - from) / (last - from)).clamp(0.0, 1.0);
         // Rounding may put the end of the line out of range.

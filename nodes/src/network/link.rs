@@ -258,7 +258,7 @@ pub(super) struct News {
 
 impl Reader {
     /// Makes a reader for ticks at a rate, for which updates older than `timeout` are stale.
-    pub fn new(link: &Arc<Link>, rate: Rate, timeout: Duration) -> Self {
+    pub(super) fn new(link: &Arc<Link>, rate: Rate, timeout: Duration) -> Self {
         let period_s = rate.period_s();
         Self {
             link: Arc::clone(link),
@@ -272,7 +272,7 @@ impl Reader {
     }
 
     /// Advances by a tick. Returns a new update, to be [taken](Self::take).
-    pub fn advance(&mut self) -> Option<News> {
+    pub(super) fn advance(&mut self) -> Option<News> {
         self.age = self.age.saturating_add(1);
         let (version, sensed) = self.link.sensed.look()?;
         if version == self.seen {
@@ -283,7 +283,7 @@ impl Reader {
     }
 
     /// Takes an update as the latest.
-    pub fn take(&mut self, news: &News) {
+    pub(super) fn take(&mut self, news: &News) {
         if !self.is_silent() {
             self.longest_gap = self.longest_gap.max(self.age);
         }
@@ -292,7 +292,7 @@ impl Reader {
 
     /// Measures the age of the latest update when it is read. A gap longer than all gaps so far counts as the beginning
     /// of a silence and is not measured; if a sender only `speaks_of_changes`, each update is measured once.
-    pub fn measure_age(&self, is_news: bool, speaks_of_changes: bool) {
+    pub(super) fn measure_age(&self, is_news: bool, speaks_of_changes: bool) {
         let is_awaited = !speaks_of_changes && self.age <= self.longest_gap && !self.is_silent();
         if let Some(woke) = self.woke.filter(|_| is_news || is_awaited) {
             self.link.ages.read(woke, 0.0);
@@ -300,17 +300,17 @@ impl Reader {
     }
 
     /// True if an update has ever arrived.
-    pub fn was_heard(&self) -> bool {
+    pub(super) fn was_heard(&self) -> bool {
         self.seen > 0
     }
 
     /// True if the input is silent: no update has arrived within the timeout.
-    pub fn is_silent(&self) -> bool {
+    pub(super) fn is_silent(&self) -> bool {
         self.seen == 0 || self.age > self.timeout_ticks
     }
 
     /// State of the input.
-    pub fn state(&self) -> InputState {
+    pub(super) fn state(&self) -> InputState {
         match () {
             () if !self.was_heard() => InputState::Never,
             () if self.is_silent() => InputState::Silent,
@@ -319,12 +319,12 @@ impl Reader {
     }
 
     /// Time since the latest update, s.
-    pub fn age_s(&self) -> f64 {
+    pub(super) fn age_s(&self) -> f64 {
         self.age as f64 * self.period_s
     }
 
     /// Number of ticks without an update that is a silence.
-    pub fn timeout_ticks(&self) -> u64 {
+    pub(super) fn timeout_ticks(&self) -> u64 {
         self.timeout_ticks
     }
 

@@ -5,7 +5,7 @@ use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState}
 
 /// The low-pass of the velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SpeedFilter {
+pub(crate) enum SpeedFilter {
     /// A Butterworth low-pass. Its cut-off must lie below half the sensor's rate.
     Butterworth {
         /// Order.
@@ -23,7 +23,7 @@ pub enum SpeedFilter {
 
 impl SpeedFilter {
     /// The filter at a sensor's rate.
-    pub fn design(&self, rate_hz: f64) -> Result<Sections, DesignError> {
+    pub(crate) fn design(&self, rate_hz: f64) -> Result<Sections, DesignError> {
         self.prototype()?.at([self.frequency(); 2], rate_hz).map(Sections::from)
     }
 
@@ -45,7 +45,7 @@ impl SpeedFilter {
 
 /// Velocity of a point in `N` dimensions. Allocates only when made.
 #[derive(Debug, Clone)]
-pub struct SpeedEstimator<const N: usize> {
+pub(crate) struct SpeedEstimator<const N: usize> {
     rate_hz: f64,
     prototype: Prototype,
     /// Requested frequency of the filters, as [`SpeedFilter::frequency`] returns it.
@@ -58,7 +58,7 @@ pub struct SpeedEstimator<const N: usize> {
 
 impl<const N: usize> SpeedEstimator<N> {
     /// An estimator at rest, for positions sampled at the sensor's own rate (not upsampled: the steps would be felt).
-    pub fn new(filter: SpeedFilter, rate_hz: f64) -> Result<Self, DesignError> {
+    pub(crate) fn new(filter: SpeedFilter, rate_hz: f64) -> Result<Self, DesignError> {
         let sections = filter.design(rate_hz)?;
         Ok(Self {
             rate_hz,
@@ -73,7 +73,7 @@ impl<const N: usize> SpeedEstimator<N> {
 
     /// Advances one sample: the velocity, m/s. The first sample after the start or [`Self::lift`] gives zero. A position that is
     /// not finite keeps the last velocity.
-    pub fn update(&mut self, position_m: [f64; N]) -> [f64; N] {
+    pub(crate) fn update(&mut self, position_m: [f64; N]) -> [f64; N] {
         if !position_m.iter().all(|x| x.is_finite()) {
             return self.velocity_m_s;
         }
@@ -87,7 +87,7 @@ impl<const N: usize> SpeedEstimator<N> {
     }
 
     /// Resets the motion when the tool leaves the sensor: the next position starts from rest.
-    pub fn lift(&mut self) {
+    pub(crate) fn lift(&mut self) {
         self.previous_m = None;
         self.velocity_m_s = [0.0; N];
         self.filters.iter_mut().for_each(SectionsState::reset);
@@ -95,7 +95,7 @@ impl<const N: usize> SpeedEstimator<N> {
 
     /// Tunes the filter to another cut-off, Hz, or to other poles, rad/s; the velocity continues. An invalid
     /// filter changes nothing. The stated delay remains that of the original filter.
-    pub fn turn(&mut self, frequency: f64) {
+    pub(crate) fn turn(&mut self, frequency: f64) {
         if frequency == self.frequency {
             return;
         }
@@ -106,7 +106,7 @@ impl<const N: usize> SpeedEstimator<N> {
     }
 
     /// Takes over the state of another estimator.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         (self.previous_m, self.velocity_m_s) = (other.previous_m, other.velocity_m_s);
         if self.prototype != other.prototype {
             return;
@@ -123,17 +123,17 @@ impl<const N: usize> SpeedEstimator<N> {
     }
 
     /// The latest velocity, m/s.
-    pub fn velocity_m_s(&self) -> [f64; N] {
+    pub(crate) fn velocity_m_s(&self) -> [f64; N] {
         self.velocity_m_s
     }
 
     /// The latest speed, m/s.
-    pub fn speed_m_s(&self) -> f64 {
+    pub(crate) fn speed_m_s(&self) -> f64 {
         norm(self.velocity_m_s)
     }
 
     /// Delay of slow changes of speed, s: the filter's delay and half a sample.
-    pub fn delay_s(&self) -> f64 {
+    pub(crate) fn delay_s(&self) -> f64 {
         self.delay_s
     }
 }

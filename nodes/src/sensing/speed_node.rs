@@ -12,7 +12,7 @@ use crate::filters::design_error;
 
 haptograph_engine::choices! {
     /// The low-pass of a [`SpeedEstimator`].
-    pub enum Smoothing {
+    pub(crate) enum Smoothing {
         /// Second-order Butterworth: -3 dB at the cut-off.
         Butterworth,
         /// Two equal real poles at 2 pi cut-off; the haptic texture toolkit uses 125 rad/s (19.9 Hz).

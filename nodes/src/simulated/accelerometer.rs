@@ -6,7 +6,7 @@ use haptograph_signal::noise::Gaussian;
 
 /// Properties of the sensor and its converter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AccelerometerSettings {
+pub(crate) struct AccelerometerSettings {
     /// Sensitivity, m/s2 per V.
     pub m_s2_per_v: f64,
     /// Output at rest, V.
@@ -40,7 +40,7 @@ impl Default for AccelerometerSettings {
 
 /// The sensor. Allocates only when made. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct Accelerometer {
+pub(crate) struct Accelerometer {
     settings: AccelerometerSettings,
     step_v: f64,
     /// Noise before the filter that gives the specified noise after it, m/s2.
@@ -53,7 +53,7 @@ pub struct Accelerometer {
 
 impl Accelerometer {
     /// A sensor sampled at `rate_hz`. Its filter starts at rest at the first sample: a recording begins while the tool is held.
-    pub fn new(settings: AccelerometerSettings, rate_hz: f64, seed: u64) -> Result<Self, DesignError> {
+    pub(crate) fn new(settings: AccelerometerSettings, rate_hz: f64, seed: u64) -> Result<Self, DesignError> {
         let sections = bessel_lowpass(5, settings.cutoff_hz, rate_hz)?;
         let mut impulse = [0.0; 4096];
         impulse[0] = 1.0;
@@ -71,12 +71,12 @@ impl Accelerometer {
     }
 
     /// Delay of the low-pass, the same up to its corner, s.
-    pub fn delay_s(&self) -> f64 {
+    pub(crate) fn delay_s(&self) -> f64 {
         self.delay_s
     }
 
     /// Converts one sample of acceleration less gravity, m/s2, to voltages.
-    pub fn sample(&mut self, felt_m_s2: Vec3) -> Vec3 {
+    pub(crate) fn sample(&mut self, felt_m_s2: Vec3) -> Vec3 {
         let s = &self.settings;
         let mut volts = felt_m_s2.map(|felt| {
             let noisy = felt + self.raw_noise_m_s2 * self.noise.next_sample();

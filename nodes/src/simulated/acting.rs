@@ -8,7 +8,7 @@ use haptograph_signal::units::{Grams, Millimetres, MillimetresPerSecond, Newtons
 
 haptograph_engine::choices! {
     /// An action of a simulated hand.
-    pub enum Doing {
+    pub(crate) enum Doing {
         /// Hold the tip lifted.
         Hover(HoverSettings),
         /// Draw on the surface.
@@ -88,7 +88,7 @@ haptograph_engine::settings! {
 
 impl GripSettings {
     /// A typical grip.
-    pub fn typical() -> Self {
+    pub(crate) fn typical() -> Self {
         Self {
             mass_g: Grams::of_si(Grip::TYPICAL.mass_kg),
             stiffness_n_per_mm: NewtonsPerMillimetre::of_si(Grip::TYPICAL.stiffness_n_per_m),
@@ -98,7 +98,7 @@ impl GripSettings {
     }
 
     /// The grip in SI.
-    pub fn to_grip(&self) -> Grip {
+    pub(crate) fn to_grip(&self) -> Grip {
         Grip {
             mass_kg: self.mass_g.si(),
             stiffness_n_per_m: self.stiffness_n_per_mm.si(),
@@ -109,7 +109,7 @@ impl GripSettings {
 }
 
 /// Default actions: circles, taps and a press.
-pub fn a_bit_of_everything() -> Vec<Doing> {
+pub(crate) fn a_bit_of_everything() -> Vec<Doing> {
     let draw = DrawSettings {
         stroke: Drawing::Circles(CirclesSettings { radius_mm: Millimetres(20.0), period_s: 1.2 }),
         duration_s: 5.0,
@@ -132,7 +132,7 @@ pub fn a_bit_of_everything() -> Vec<Doing> {
 ///
 /// # Errors
 /// [`BuildError`] if the file of a path is invalid.
-pub fn actions(doings: &[Doing]) -> Result<Vec<Action>, BuildError> {
+pub(crate) fn actions(doings: &[Doing]) -> Result<Vec<Action>, BuildError> {
     doings.iter().map(action).collect()
 }
 

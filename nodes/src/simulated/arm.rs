@@ -55,7 +55,7 @@ haptograph_engine::settings! {
 }
 
 /// A desktop arm of the Omni's kind in a simulated hand.
-pub struct SimulatedOmni;
+pub(crate) struct SimulatedOmni;
 
 impl DeviceKind for SimulatedOmni {
     type Settings = SimulatedOmniSettings;

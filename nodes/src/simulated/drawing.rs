@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 haptograph_engine::choices! {
     /// The stroke of a simulated hand, centred on the surface.
-    pub enum Drawing {
+    pub(crate) enum Drawing {
         /// The tip rests in the centre.
         Still,
         /// Circles.
@@ -97,7 +97,7 @@ impl DrawingSettings {
     ///
     /// # Errors
     /// [`BuildError`] if the file of a path is invalid.
-    pub fn to_stroke(&self) -> Result<StrokeSettings, BuildError> {
+    pub(crate) fn to_stroke(&self) -> Result<StrokeSettings, BuildError> {
         Ok(StrokeSettings {
             shape: shape(&self.stroke)?,
             force_n: self.force_n,

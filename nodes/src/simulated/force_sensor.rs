@@ -37,7 +37,7 @@ impl Default for ForceSensorSettings {
 
 /// A reading of the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WrenchReading {
+pub(crate) struct WrenchReading {
     /// Force, N.
     pub force_n: Vec3,
     /// Torque about the sensor's origin, N m.
@@ -48,7 +48,7 @@ pub struct WrenchReading {
 
 /// The sensor. Allocates only when made. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct ForceSensor {
+pub(crate) struct ForceSensor {
     settings: ForceSensorSettings,
     noise: Gaussian,
     filters: Option<[SectionsState; 6]>,
@@ -57,7 +57,7 @@ pub struct ForceSensor {
 
 impl ForceSensor {
     /// A sensor at rest, sampled at `rate_hz`.
-    pub fn new(settings: ForceSensorSettings, rate_hz: f64, seed: u64) -> Result<Self, DesignError> {
+    pub(crate) fn new(settings: ForceSensorSettings, rate_hz: f64, seed: u64) -> Result<Self, DesignError> {
         let (filters, delay_s) = match settings.cutoff_hz {
             Some(cutoff_hz) => {
                 let sections = butterworth_lowpass(2, cutoff_hz, rate_hz)?;
@@ -70,12 +70,12 @@ impl ForceSensor {
     }
 
     /// Delay of slow changes of the wrench, s: the filter's delay.
-    pub fn delay_s(&self) -> f64 {
+    pub(crate) fn delay_s(&self) -> f64 {
         self.delay_s
     }
 
     /// Converts one sample of a true wrench, N and N m: noise, saturation, quantisation, filter.
-    pub fn sample(&mut self, force_n: Vec3, torque_n_m: Vec3) -> WrenchReading {
+    pub(crate) fn sample(&mut self, force_n: Vec3, torque_n_m: Vec3) -> WrenchReading {
         let s = &self.settings;
         let mut saturated = false;
         let mut converted = [0.0; 6];

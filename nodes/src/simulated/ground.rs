@@ -51,7 +51,7 @@ impl Ground {
     pub const TABLE: Self = Self::Plane { origin_m: [0.0; 3], normal: [0.0, 0.0, 1.0] };
 
     /// A convex solid; the sheet touches it over its centre.
-    pub fn solid(solid: Arc<TriangleMesh>) -> Self {
+    pub(crate) fn solid(solid: Arc<TriangleMesh>) -> Self {
         let top_m =
             cast(&solid, [0.0, 0.0, 1.0]).map_or(solid.diagonal_m(), |(top, _)| top[2] - solid.centre_m()[2]);
         Self::Solid { solid, top_m }

@@ -16,7 +16,7 @@ const PRESS_S_PER_N: f64 = 1.2;
 
 /// Actions of a person for a motion. A machine makes the press, the same for every person: once down to `press_n` and up
 /// again, 5 N within six seconds.
-pub fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSettings {
+pub(crate) fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSettings {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(person, "habit"));
     let mut around = || 1.15_f64.powf(rng.random_range(-1.0..1.0));
     let (size, pace, force) = (around(), around(), around());

@@ -9,7 +9,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 /// The grip of a hand on a tool. The numbers are ours, within the range of models of a pen grip.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grip {
+pub(crate) struct Grip {
     /// Mass that moves with the tip, kg.
     pub mass_kg: f64,
     /// Stiffness towards the intended path, N/m.
@@ -22,11 +22,11 @@ pub struct Grip {
 
 impl Grip {
     /// A typical grip.
-    pub const TYPICAL: Self =
+    pub(crate) const TYPICAL: Self =
         Self { mass_kg: 0.05, stiffness_n_per_m: 500.0, damping_n_s_per_m: 5.0, tremor_m: 3e-5 };
 
     /// The grip of a person: a seed picks mass, stiffness and damping around [`Self::TYPICAL`].
-    pub fn of_person(seed: u64) -> Self {
+    pub(crate) fn of_person(seed: u64) -> Self {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut around = |value: f64| value * 1.6_f64.powf(rng.random_range(-1.0..1.0));
         Self {
@@ -43,7 +43,7 @@ const BEHIND_M: f64 = 2e-4;
 
 /// The load on the hand: mass added to its own, and friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Load {
+pub(crate) struct Load {
     /// Apparent mass, kg.
     pub mass_kg: f64,
     /// Dry friction against motion, N.
@@ -54,12 +54,12 @@ pub struct Load {
 
 impl Load {
     /// No load.
-    pub const NONE: Self = Self { mass_kg: 0.0, dry_friction_n: 0.0, damping_n_s_per_m: 0.0 };
+    pub(crate) const NONE: Self = Self { mass_kg: 0.0, dry_friction_n: 0.0, damping_n_s_per_m: 0.0 };
 }
 
 /// Error of a simulated hand.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum HandError {
+pub(crate) enum HandError {
     /// A property is out of range.
     #[error("the hand's {name} is {value}: give {range}")]
     OutOfRange {
@@ -77,7 +77,7 @@ pub enum HandError {
 
 /// A hand in motion; one tick is the period it was made for. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct Hand {
+pub(crate) struct Hand {
     script: Script,
     grip: Grip,
     tremor: [Wobble; 3],
@@ -95,7 +95,7 @@ pub struct Hand {
 
 /// State of a hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HandReading {
+pub(crate) struct HandReading {
     /// Position of the tip, m.
     pub position_m: Vec3,
     /// Velocity of the tip, m/s.
@@ -106,7 +106,7 @@ pub struct HandReading {
 
 impl Hand {
     /// A hand at rest where its script begins; the seed is the person and the attempt.
-    pub fn new(
+    pub(crate) fn new(
         grip: Grip,
         script: &ScriptSettings,
         load: Load,
@@ -134,20 +134,20 @@ impl Hand {
     }
 
     /// State of the hand at this tick.
-    pub fn read(&self) -> HandReading {
+    pub(crate) fn read(&self) -> HandReading {
         HandReading { position_m: self.position_m, velocity_m_s: self.velocity_m_s, intent: self.intent }
     }
 
     /// Advances one tick under an external force on the tip, held, N; the hand presses against the intended surface. A force
     /// that is not finite counts as zero.
-    pub fn advance(&mut self, force_n: Vec3) {
+    pub(crate) fn advance(&mut self, force_n: Vec3) {
         let (aim_m, aim_m_s, press_n) = self.mean();
         self.step(force_n, aim_m, aim_m_s, scale(self.intent.normal, -press_n));
     }
 
     /// Advances one tick under an external force on the tip, held, N, of a hand that feels the surface's normal at the tip: it presses
     /// against it, and if it aims behind an edge it moves along the surface towards the edge, not through it.
-    pub fn advance_against(&mut self, force_n: Vec3, normal: Vec3) {
+    pub(crate) fn advance_against(&mut self, force_n: Vec3, normal: Vec3) {
         let (aim_m, aim_m_s, press_n) = self.mean();
         let way_m = sub(aim_m, self.position_m);
         let behind_m = -dot(way_m, normal) - BEHIND_M;

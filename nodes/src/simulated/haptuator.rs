@@ -40,12 +40,12 @@ haptograph_engine::settings! {
 
 impl TwoMassSettings {
     /// The placeholders.
-    pub fn placeholder() -> Self {
+    pub(crate) fn placeholder() -> Self {
         Self::from(TwoMass::PLACEHOLDER)
     }
 
     /// The model in SI.
-    pub fn to_two_mass(&self) -> TwoMass {
+    pub(crate) fn to_two_mass(&self) -> TwoMass {
         TwoMass {
             force_n_per_a: self.force_n_per_a,
             magnet_kg: self.magnet_g.si(),

@@ -16,7 +16,7 @@ haptograph_engine::settings! {
 }
 
 /// A simulated fader that moves up and down.
-pub struct SimulatedInput;
+pub(crate) struct SimulatedInput;
 
 impl DeviceKind for SimulatedInput {
     type Settings = SimulatedInputSettings;

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// Settings of the knocks. The numbers are ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KnockSettings {
+pub(crate) struct KnockSettings {
     /// Mean time between knocks, s.
     pub every_s: f64,
     /// Hardest knock: acceleration of the table at its start, m/s2. Knocks are spread evenly from a fifth of it.
@@ -27,7 +27,7 @@ impl Default for KnockSettings {
 
 /// A table that is knocked. Never allocates.
 #[derive(Debug, Clone)]
-pub struct Knocks {
+pub(crate) struct Knocks {
     settings: KnockSettings,
     rng: Xoshiro256PlusPlus,
     period_s: f64,
@@ -40,7 +40,7 @@ pub struct Knocks {
 
 impl Knocks {
     /// A quiet table, for ticks of `period_s`.
-    pub fn new(settings: KnockSettings, period_s: f64, seed: u64) -> Self {
+    pub(crate) fn new(settings: KnockSettings, period_s: f64, seed: u64) -> Self {
         let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut knocks = Self {
             settings,
@@ -56,7 +56,7 @@ impl Knocks {
     }
 
     /// The table's acceleration in this tick, m/s2, on to the next.
-    pub fn advance(&mut self) -> Vec3 {
+    pub(crate) fn advance(&mut self) -> Vec3 {
         self.since_s += self.period_s;
         if self.since_s >= self.next_s {
             self.knock();

@@ -94,7 +94,7 @@ impl Material {
     }
 
     /// K of the contact law N = K depth^1.5 whose slope at 2 N is the stiffness, N/m^1.5.
-    pub fn hertz_n_per_m32(&self) -> f64 {
+    pub(crate) fn hertz_n_per_m32(&self) -> f64 {
         // dN/d depth = 1.5 K^(2/3) N^(1/3)
         (self.stiffness_n_per_m / (1.5 * 2.0_f64.cbrt())).powf(1.5)
     }

@@ -6,11 +6,11 @@ use super::tablet::quantise;
 use crate::vector::{Vec3, norm, scale};
 
 /// The arm's servo rate, Hz.
-pub const OMNI_RATE_HZ: f64 = 1000.0;
+pub(crate) const OMNI_RATE_HZ: f64 = 1000.0;
 
 /// Properties of the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OmniSettings {
+pub(crate) struct OmniSettings {
     /// Step of the position along each axis, m.
     pub step_m: f64,
     /// Largest force, N.
@@ -33,7 +33,7 @@ impl Default for OmniSettings {
 
 /// The reading of the arm, and the true state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OmniReading {
+pub(crate) struct OmniReading {
     /// Position of the tip in steps, m.
     pub position_m: Vec3,
     /// True position of the tip, m.
@@ -44,14 +44,14 @@ pub struct OmniReading {
 
 /// The arm and the hand. One tick is 1 ms. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct SimulatedOmni {
+pub(crate) struct SimulatedOmni {
     settings: OmniSettings,
     hand: Hand,
 }
 
 impl SimulatedOmni {
     /// An arm at rest where the hand's script begins; the seed is the person and the attempt.
-    pub fn new(
+    pub(crate) fn new(
         settings: OmniSettings,
         grip: Grip,
         script: &ScriptSettings,
@@ -67,7 +67,7 @@ impl SimulatedOmni {
     }
 
     /// The reading of this tick.
-    pub fn read(&self) -> OmniReading {
+    pub(crate) fn read(&self) -> OmniReading {
         let hand = self.hand.read();
         OmniReading {
             position_m: hand.position_m.map(|x| quantise(x, self.settings.step_m)),
@@ -78,7 +78,7 @@ impl SimulatedOmni {
 
     /// Advances one tick under a requested force of the motors, held, N. They give at most their peak, in the same direction, and zero for a
     /// force that is not finite.
-    pub fn advance(&mut self, force_n: Vec3) {
+    pub(crate) fn advance(&mut self, force_n: Vec3) {
         let size_n = norm(force_n);
         let given = if size_n > self.settings.peak_n {
             scale(force_n, self.settings.peak_n / size_n)
@@ -155,7 +155,7 @@ mod tests {
                 let contact = touch.update(reading.position_m);
                 let load_n = wall.force_n(&contact, [0.0; 3]);
                 let drag = friction.update(&contact, load_n, 0.4);
-                arm.advance(add(wall.push_n(&contact, [0.0; 3]), drag));
+                arm.advance(add(scale(contact.normal, wall.force_n(&contact, [0.0; 3])), drag));
                 if tick > 1500 && tick < 9500 {
                     loads.push(load_n);
                     speeds.push(distance(reading.true_position_m, previous) * 1000.0);

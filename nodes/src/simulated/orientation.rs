@@ -63,7 +63,7 @@ pub(crate) fn from_angles(angles: Vec3) -> [f64; 4] {
 }
 
 /// A rotation matrix by rows from axis times angle.
-pub fn rotation_of(turn: [Degrees; 3]) -> [Vec3; 3] {
+pub(crate) fn rotation_of(turn: [Degrees; 3]) -> [Vec3; 3] {
     matrix(from_rotation_vector(turn.map(Degrees::si)))
 }
 

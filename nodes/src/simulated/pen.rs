@@ -83,7 +83,7 @@ fn exploration() -> Vec<Doing> {
 }
 
 /// An object on a force/torque sensor, and a pen with a brake in a simulated hand.
-pub struct SimulatedPenAndObject;
+pub(crate) struct SimulatedPenAndObject;
 
 impl DeviceKind for SimulatedPenAndObject {
     type Settings = SimulatedPenAndObjectSettings;

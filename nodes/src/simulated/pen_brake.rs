@@ -77,7 +77,7 @@ impl PenConstants {
 
 /// A pen in use. Never allocates. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct PenBrake {
+pub(crate) struct PenBrake {
     constants: PenConstants,
     /// Force of the magnet, N.
     magnet_n: f64,
@@ -89,12 +89,12 @@ pub struct PenBrake {
 
 impl PenBrake {
     /// A pen with its brake off.
-    pub fn new(constants: PenConstants) -> Self {
+    pub(crate) fn new(constants: PenConstants) -> Self {
         Self { constants, magnet_n: 0.0, plunger_n: constants.weight_n, rolled_m: 0.0 }
     }
 
     /// Advances by a time at a constant current and a rolled distance, s, A and m.
-    pub fn advance(&mut self, current_a: f64, rolled_m: f64, time_s: f64) {
+    pub(crate) fn advance(&mut self, current_a: f64, rolled_m: f64, time_s: f64) {
         let c = &self.constants;
         let iron = 1.0 + (current_a / c.saturation_a).powi(2);
         let pull_n = c.force_n_per_a2 * current_a * current_a / iron;
@@ -105,7 +105,7 @@ impl PenBrake {
     }
 
     /// Effective friction at a normal force in N.
-    pub fn friction(&self, normal_n: f64) -> f64 {
+    pub(crate) fn friction(&self, normal_n: f64) -> f64 {
         let turn = (TAU * self.rolled_m / (TAU * self.constants.ball_m)).sin();
         self.constants.friction(normal_n, self.plunger_n) * (1.0 + self.constants.ripple * turn)
     }

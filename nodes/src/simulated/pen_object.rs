@@ -15,13 +15,13 @@ use crate::contact::mesh::{MeshError, TriangleMesh};
 use crate::contact::proxy::MeshProxy;
 use crate::contact::stiffness::Wall;
 use crate::friction::dahl::{Dahl, DahlSettings, UnderLoad};
-use crate::vector::{Vec3, ZERO, add, add_scaled, cross, direction, distance, norm, reject, scale, sub};
+use crate::vector::{Vec3, ZERO, add, add_scaled, cross, direction, norm, reject, scale, sub};
 use haptograph_signal::filter::DesignError;
 use haptograph_signal::noise::stream_seed;
 use std::sync::Arc;
 
 /// Readings per second.
-pub const PEN_OBJECT_RATE_HZ: f64 = 1000.0;
+pub(crate) const PEN_OBJECT_RATE_HZ: f64 = 1000.0;
 /// Steps of the mechanics in a tick: the tip on the stiff object swings at about 150 Hz.
 const SUBSTEPS: u32 = 10;
 /// Stiffness and damping of the tip on the object: coated acrylic, ours.
@@ -33,7 +33,7 @@ const TIP_SHARE: f64 = 0.2;
 
 /// The object, the pen and the hand.
 #[derive(Debug, Clone)]
-pub struct PenObjectSettings {
+pub(crate) struct PenObjectSettings {
     /// The convex object in any position; the simulation places it on the sensor.
     pub object: Arc<TriangleMesh>,
     /// Mass of object and mount, kg.
@@ -58,7 +58,7 @@ pub struct PenObjectSettings {
 
 impl PenObjectSettings {
     /// A hand with a pen over an object, nobody knocking.
-    pub fn new(object: Arc<TriangleMesh>, actions: Vec<Action>) -> Self {
+    pub(crate) fn new(object: Arc<TriangleMesh>, actions: Vec<Action>) -> Self {
         Self {
             object,
             object_kg: 0.035,
@@ -76,7 +76,7 @@ impl PenObjectSettings {
 
 /// Error of the simulation of pen and object.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PenObjectError {
+pub(crate) enum PenObjectError {
     /// The object cannot be placed.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -90,7 +90,7 @@ pub enum PenObjectError {
 
 /// The true state of the contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PenTruth {
+pub(crate) struct PenTruth {
     /// True if the tip touches.
     pub touching: bool,
     /// Point of contact, in the sensor's frame, m.
@@ -107,7 +107,7 @@ pub struct PenTruth {
 
 /// The device: object, sensor, pen and hand. One tick is 1 ms. Labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct PenObject {
+pub(crate) struct PenObject {
     object: Arc<TriangleMesh>,
     object_kg: f64,
     sensor: ForceSensor,
@@ -123,7 +123,7 @@ pub struct PenObject {
 
 impl PenObject {
     /// The device at rest, the pen lifted; the seed is the person, the pen and the noise.
-    pub fn new(settings: &PenObjectSettings, seed: u64) -> Result<Self, PenObjectError> {
+    pub(crate) fn new(settings: &PenObjectSettings, seed: u64) -> Result<Self, PenObjectError> {
         let lowest_m = settings.object.vertices().iter().map(|v| v[2]).fold(f64::INFINITY, f64::min);
         let object = Arc::new(settings.object.moved([0.0, 0.0, settings.height_m - lowest_m])?);
         let script = ScriptSettings {
@@ -164,28 +164,23 @@ impl PenObject {
         })
     }
 
-    /// The object in the sensor's frame, as the program knows it.
-    pub fn object(&self) -> &Arc<TriangleMesh> {
-        &self.object
-    }
-
     /// The sensor's reading of this tick: the wrench on the object.
-    pub fn read(&self) -> WrenchReading {
+    pub(crate) fn read(&self) -> WrenchReading {
         self.reading
     }
 
     /// Delay of slow changes of the reading, s.
-    pub fn reading_delay_s(&self) -> f64 {
+    pub(crate) fn reading_delay_s(&self) -> f64 {
         self.sensor.delay_s()
     }
 
     /// True state of this tick.
-    pub fn truth(&self) -> PenTruth {
+    pub(crate) fn truth(&self) -> PenTruth {
         self.truth
     }
 
     /// Advances one tick under the currents of brake and haptuator, held, A. A current that is not finite counts as zero.
-    pub fn advance(&mut self, brake_a: f64, haptuator_a: f64) {
+    pub(crate) fn advance(&mut self, brake_a: f64, haptuator_a: f64) {
         let brake_a = if brake_a.is_finite() { brake_a } else { 0.0 };
         let before_m = self.hand.read().position_m;
         let mut mean_n = ZERO;
@@ -255,11 +250,6 @@ impl PenObject {
         let table_m_s2 = self.knocks.as_mut().map_or(ZERO, Knocks::advance);
         scale(table_m_s2, -self.object_kg)
     }
-}
-
-/// Distance of a located point from the true one, m.
-pub fn location_error_m(located_m: Vec3, truth: &PenTruth) -> f64 {
-    distance(located_m, truth.position_m)
 }
 
 #[cfg(test)]

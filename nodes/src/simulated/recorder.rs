@@ -62,7 +62,7 @@ haptograph_engine::settings! {
 }
 
 /// A recording tool on a surface.
-pub struct SimulatedRecordingTool;
+pub(crate) struct SimulatedRecordingTool;
 
 /// Time before the first tick in which the tool comes down on the surface, s.
 const LEAD_S: f64 = 1.0;

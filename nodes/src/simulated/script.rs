@@ -8,7 +8,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 /// An action of the tip. Each starts and ends with the tip lifted.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Action {
+pub(crate) enum Action {
     /// Hold the tip lifted.
     Hover {
         /// Duration, s.
@@ -45,7 +45,7 @@ pub enum Action {
 
 /// Actions on a surface.
 #[derive(Debug, Clone)]
-pub struct ScriptSettings {
+pub(crate) struct ScriptSettings {
     /// The surface.
     pub ground: Ground,
     /// The actions, played in a loop.
@@ -59,7 +59,7 @@ pub struct ScriptSettings {
 
 /// Error of a script.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ScriptError {
+pub(crate) enum ScriptError {
     /// The script is empty.
     #[error("the script has no actions: give at least one")]
     Empty,
@@ -95,7 +95,7 @@ pub enum ScriptError {
 
 /// Intent of a hand at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Intent {
+pub(crate) struct Intent {
     /// Intended position of the tip, m: on the surface, above it, or (at the bottom of a tap) below.
     pub position_m: Vec3,
     /// Outward normal of the surface there.
@@ -106,13 +106,13 @@ pub struct Intent {
 
 /// A script as one person plays it.
 #[derive(Debug, Clone)]
-pub struct Script {
+pub(crate) struct Script {
     ground: Ground,
     hover_m: f64,
     gives_n_per_m: f64,
     stiffness_n_per_m: f64,
     segments: Vec<Segment>,
-    period_s: f64,
+    pub(super) period_s: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -138,7 +138,11 @@ const TRAVEL_S: f64 = 0.35;
 impl Script {
     /// The script as the person of this seed would play it, with a grip of this stiffness (it says how deep
     /// a tap of a certain force is meant).
-    pub fn new(settings: &ScriptSettings, stiffness_n_per_m: f64, seed: u64) -> Result<Self, ScriptError> {
+    pub(crate) fn new(
+        settings: &ScriptSettings,
+        stiffness_n_per_m: f64,
+        seed: u64,
+    ) -> Result<Self, ScriptError> {
         if settings.actions.is_empty() {
             return Err(ScriptError::Empty);
         }
@@ -217,7 +221,7 @@ impl Script {
     }
 
     /// Intent of the hand at a time in s.
-    pub fn at(&self, time_s: f64) -> Intent {
+    pub(crate) fn at(&self, time_s: f64) -> Intent {
         let t = time_s.rem_euclid(self.period_s);
         let index = self.segments.partition_point(|s| s.start_s <= t).saturating_sub(1);
         let segment = &self.segments[index];
@@ -230,11 +234,6 @@ impl Script {
             normal: ground.normal,
             force_n,
         }
-    }
-
-    /// Duration of one loop, s.
-    pub fn period_s(&self) -> f64 {
-        self.period_s
     }
 }
 

@@ -9,11 +9,11 @@ use std::sync::Arc;
 
 mod trajectory;
 
-pub use trajectory::{Trajectory, TrajectoryError};
+pub(crate) use trajectory::Trajectory;
 
 /// The shape that is drawn, centred at the origin of the surface.
 #[derive(Debug, Clone, PartialEq)]
-pub enum StrokeShape {
+pub(crate) enum StrokeShape {
     /// The tip rests in the centre.
     Still,
     /// Circles of a radius, one each period.
@@ -52,7 +52,7 @@ pub enum StrokeShape {
 
 /// A shape with force and natural variation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StrokeSettings {
+pub(crate) struct StrokeSettings {
     /// The shape.
     pub shape: StrokeShape,
     /// Mean normal force, N. A recorded path has its own.
@@ -65,21 +65,9 @@ pub struct StrokeSettings {
     pub size_variation: f64,
 }
 
-impl StrokeSettings {
-    /// A shape at a mean force with typical variation: force 20 %, pace 15 %, size 5 %.
-    pub fn natural(shape: StrokeShape, force_n: f64) -> Self {
-        Self { shape, force_n, force_variation: 0.2, pace_variation: 0.15, size_variation: 0.05 }
-    }
-
-    /// A shape at a force, without variation.
-    pub fn exact(shape: StrokeShape, force_n: f64) -> Self {
-        Self { shape, force_n, force_variation: 0.0, pace_variation: 0.0, size_variation: 0.0 }
-    }
-}
-
 /// Error of a stroke.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum StrokeError {
+pub(crate) enum StrokeError {
     /// A setting is out of its range.
     #[error("the stroke's {name} is {value}: give {range}")]
     OutOfRange {
@@ -94,7 +82,7 @@ pub enum StrokeError {
 
 /// Intended position of the tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StrokePoint {
+pub(crate) struct StrokePoint {
     /// Position on the surface, m.
     pub position_m: [f64; 2],
     /// Normal force, N; zero while lifted.
@@ -105,7 +93,7 @@ pub struct StrokePoint {
 
 /// A stroke drawn by one person.
 #[derive(Debug, Clone)]
-pub struct Stroke {
+pub(crate) struct Stroke {
     settings: StrokeSettings,
     pace: Wobble,
     force: Wobble,
@@ -115,7 +103,7 @@ pub struct Stroke {
 
 impl Stroke {
     /// A person's way of drawing; the seed is the person and the attempt.
-    pub fn new(settings: StrokeSettings, seed: u64) -> Result<Self, StrokeError> {
+    pub(crate) fn new(settings: StrokeSettings, seed: u64) -> Result<Self, StrokeError> {
         check(&settings)?;
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let fastest_hz = match settings.shape {
@@ -132,7 +120,7 @@ impl Stroke {
     }
 
     /// Intended position of the tip at a time since the start, s.
-    pub fn at(&self, time_s: f64) -> StrokePoint {
+    pub(crate) fn at(&self, time_s: f64) -> StrokePoint {
         if let StrokeShape::Recorded(path) = &self.settings.shape {
             return path.at(time_s);
         }
@@ -168,7 +156,7 @@ impl Stroke {
 }
 
 /// A minimum-jerk movement from 0 to 1 while u goes from 0 to 1; at rest before and after.
-pub fn minimum_jerk(u: f64) -> f64 {
+pub(crate) fn minimum_jerk(u: f64) -> f64 {
     let u = u.clamp(0.0, 1.0);
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }

@@ -3,15 +3,15 @@
 use super::stroke::{Stroke, StrokeError, StrokeSettings};
 
 /// Readings per second.
-pub const TABLET_RATE_HZ: f64 = 125.0;
+pub(crate) const TABLET_RATE_HZ: f64 = 125.0;
 /// Steps of the position, m: along x and along y.
-pub const TABLET_STEP_M: [f64; 2] = [4.934e-6, 4.861e-6];
+pub(crate) const TABLET_STEP_M: [f64; 2] = [4.934e-6, 4.861e-6];
 /// Step of the force, N.
-pub const TABLET_STEP_N: f64 = 0.0013;
+pub(crate) const TABLET_STEP_N: f64 = 0.0013;
 
 /// Reading of the tablet.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TabletReading {
+pub(crate) struct TabletReading {
     /// Position of the tip, m.
     pub position_m: [f64; 2],
     /// Normal force of the tip, N; zero while it is lifted.
@@ -20,19 +20,19 @@ pub struct TabletReading {
 
 /// The tablet and the hand that draws on it. One tick is 1/125 s. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct SimulatedTablet {
+pub(crate) struct SimulatedTablet {
     stroke: Stroke,
     tick: u64,
 }
 
 impl SimulatedTablet {
     /// A tablet at the start of a stroke; the seed is the person and the attempt.
-    pub fn new(stroke: StrokeSettings, seed: u64) -> Result<Self, StrokeError> {
+    pub(crate) fn new(stroke: StrokeSettings, seed: u64) -> Result<Self, StrokeError> {
         Ok(Self { stroke: Stroke::new(stroke, seed)?, tick: 0 })
     }
 
     /// The reading of this tick.
-    pub fn read(&self) -> TabletReading {
+    pub(crate) fn read(&self) -> TabletReading {
         let point = self.stroke.at(self.tick as f64 / TABLET_RATE_HZ);
         let [x, y] = point.position_m;
         TabletReading {
@@ -42,13 +42,13 @@ impl SimulatedTablet {
     }
 
     /// Advances to the next tick.
-    pub fn advance(&mut self) {
+    pub(crate) fn advance(&mut self) {
         self.tick += 1;
     }
 }
 
 /// The nearest whole number of steps.
-pub fn quantise(value: f64, step: f64) -> f64 {
+pub(crate) fn quantise(value: f64, step: f64) -> f64 {
     (value / step).round() * step
 }
 

@@ -19,7 +19,7 @@ haptograph_engine::node! {
 }
 
 /// A tablet that a simulated hand draws on.
-pub struct SimulatedTablet;
+pub(crate) struct SimulatedTablet;
 
 impl DeviceKind for SimulatedTablet {
     type Settings = DrawingSettings;

@@ -29,14 +29,14 @@ pub struct Relief {
 
 /// A height field over the plane.
 #[derive(Debug, Clone)]
-pub struct Terrain {
+pub(crate) struct Terrain {
     coefficients: Arc<[f32]>,
     highest_m: f64,
 }
 
 /// Height and slope at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
+pub(crate) struct Spot {
     /// Height, m.
     pub height_m: f64,
     /// Slopes along x and y.
@@ -45,7 +45,7 @@ pub struct Spot {
 
 impl Terrain {
     /// A piece of a surface; the seed is the piece.
-    pub fn new(relief: &Relief, seed: u64) -> Self {
+    pub(crate) fn new(relief: &Relief, seed: u64) -> Self {
         let mut grid = vec![0.0; SIDE * SIDE];
         Gaussian::new(seed).fill(&mut grid);
         let mut field: Vec<Complex64> = grid.iter().map(|&x| Complex64::from(x)).collect();
@@ -70,13 +70,13 @@ impl Terrain {
     }
 
     /// Upper bound of the height, m.
-    pub fn highest_m(&self) -> f64 {
+    pub(crate) fn highest_m(&self) -> f64 {
         self.highest_m
     }
 
     /// Height and slope at a point in m.
     #[inline]
-    pub fn at(&self, x_m: f64, y_m: f64) -> Spot {
+    pub(crate) fn at(&self, x_m: f64, y_m: f64) -> Spot {
         let (column, across, across_slope) = spline(x_m / CELL_M);
         let (row, along, along_slope) = spline(y_m / CELL_M);
         let (mut height_m, mut slope) = (0.0, [0.0; 2]);

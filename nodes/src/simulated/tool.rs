@@ -17,7 +17,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;
 
 /// Ticks per second: the rate of the recording's fast sensors.
-pub const TOOL_RATE_HZ: f64 = 10_000.0;
+pub(crate) const TOOL_RATE_HZ: f64 = 10_000.0;
 /// Acceleration of gravity, m/s2.
 const GRAVITY_M_S2: f64 = 9.81;
 /// Effective mass of the tool at its tip, kg: a tool of about 40 g that turns about the fingers.
@@ -29,7 +29,7 @@ const PRESLIDING_M: f64 = 3e-5;
 
 /// A person holding the tool: hand, finger pads and posture. The numbers are ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ToolGrip {
+pub(crate) struct ToolGrip {
     /// The hand behind the fingers.
     pub hand: Grip,
     /// Stiffness of the finger pads along the tool, N/m.
@@ -50,7 +50,7 @@ pub struct ToolGrip {
 
 impl ToolGrip {
     /// A material-testing machine (3.2.2): upright, and as still as it is stiff.
-    pub const LOAD_FRAME: Self = Self {
+    pub(crate) const LOAD_FRAME: Self = Self {
         hand: Grip { mass_kg: 0.5, stiffness_n_per_m: 500.0, damping_n_s_per_m: 60.0, tremor_m: 0.0 },
         pads_n_per_m: 20_000.0,
         pads_n_s_per_m: 40.0,
@@ -62,7 +62,7 @@ impl ToolGrip {
     };
 
     /// The grip of a person; the seed is the person.
-    pub fn of_person(seed: u64) -> Self {
+    pub(crate) fn of_person(seed: u64) -> Self {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "grip"));
         Self {
             hand: Grip { mass_kg: 0.12, ..Grip::of_person(seed) },
@@ -88,7 +88,7 @@ impl ToolGrip {
 
 /// True quantities at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ToolReading {
+pub(crate) struct ToolReading {
     /// Position of the tip, m.
     pub tip_m: Vec3,
     /// Velocity of the tip, m/s.
@@ -103,7 +103,7 @@ pub struct ToolReading {
 
 /// The tool on a surface. One tick is 1/10 000 s. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
-pub struct SimulatedTool {
+pub(crate) struct SimulatedTool {
     terrain: Terrain,
     contact: Contact,
     grip: ToolGrip,
@@ -133,12 +133,12 @@ struct Body {
 }
 
 /// Steps of the mechanics per tick; with these the step has no effect on the spectrum.
-pub const SUBSTEPS: u32 = 8;
+pub(crate) const SUBSTEPS: u32 = 8;
 
 impl SimulatedTool {
     /// A tool at rest over a piece of a material; the piece and the attempt are by seed. The script's ground should be the plane
     /// z = 0. `substeps` is [`SUBSTEPS`] unless the integration itself is studied.
-    pub fn new(
+    pub(crate) fn new(
         material: &Material,
         grip: ToolGrip,
         script: &ScriptSettings,
@@ -179,12 +179,12 @@ impl SimulatedTool {
     }
 
     /// True quantities at this tick.
-    pub fn read(&self) -> ToolReading {
+    pub(crate) fn read(&self) -> ToolReading {
         self.reading
     }
 
     /// Advances to the next tick.
-    pub fn advance(&mut self) {
+    pub(crate) fn advance(&mut self) {
         self.tick += 1;
         let last = self.intent;
         let time_s = self.tick as f64 / TOOL_RATE_HZ;

@@ -16,8 +16,8 @@ pub struct Touchable {
 }
 
 impl Touchable {
-    /// Returns the part of a device whose simulated hand touches a surface in space: [`SimulatedOmni`](arm::SimulatedOmni) or
-    /// [`SimulatedPenAndObject`](pen::SimulatedPenAndObject).
+    /// Returns the part of a device whose simulated hand touches a surface in space: `SimulatedOmni` or
+    /// `SimulatedPenAndObject`.
     pub fn of(device: &dyn Device) -> Option<&Self> {
         let device = device.as_any();
         arm::touchable(device).or_else(|| pen::touchable(device))

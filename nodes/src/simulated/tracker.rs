@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 /// Properties of the tracker.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TrackerSettings {
+pub(crate) struct TrackerSettings {
     /// Step of the position, m.
     pub step_m: f64,
     /// Step of the angles, rad.
@@ -23,7 +23,7 @@ impl Default for TrackerSettings {
 
 impl TrackerSettings {
     /// The reading of a position, m, and a unit quaternion w, x, y, z: stepped in position and in yaw, pitch and roll.
-    pub fn sample(&self, position_m: Vec3, orientation: [f64; 4]) -> (Vec3, [f64; 4]) {
+    pub(crate) fn sample(&self, position_m: Vec3, orientation: [f64; 4]) -> (Vec3, [f64; 4]) {
         let angles = angles(orientation).map(|a| quantise(a, self.step_rad));
         (position_m.map(|x| quantise(x, self.step_m)), from_angles(angles))
     }

@@ -8,14 +8,14 @@ const TONES: usize = 5;
 
 /// A smooth random function of mean 0 and variance 1: sines of seeded frequency and phase. Never beyond +-3.2.
 #[derive(Debug, Clone)]
-pub struct Wobble {
+pub(crate) struct Wobble {
     /// (angular frequency in rad/s, phase in rad)
     tones: [(f64, f64); TONES],
 }
 
 impl Wobble {
     /// A function with frequencies between two limits in Hz, one of its tones in each fifth of the band.
-    pub fn new(low_hz: f64, high_hz: f64, rng: &mut Xoshiro256PlusPlus) -> Self {
+    pub(crate) fn new(low_hz: f64, high_hz: f64, rng: &mut Xoshiro256PlusPlus) -> Self {
         let band = (high_hz - low_hz) / TONES as f64;
         let tones = std::array::from_fn(|i| {
             let frequency_hz = low_hz + band * (i as f64 + rng.random::<f64>());
@@ -24,19 +24,14 @@ impl Wobble {
         Self { tones }
     }
 
-    /// The largest magnitude the function can have.
-    pub fn most() -> f64 {
-        TONES as f64 * amplitude()
-    }
-
     /// The value at a time in s.
-    pub fn at(&self, time_s: f64) -> f64 {
+    pub(crate) fn at(&self, time_s: f64) -> f64 {
         let value: f64 = self.tones.iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
         value * amplitude()
     }
 
     /// The integral from time 0 to a time in s.
-    pub fn integral(&self, time_s: f64) -> f64 {
+    pub(crate) fn integral(&self, time_s: f64) -> f64 {
         let value: f64 =
             self.tones.iter().map(|(w, phase)| (phase.cos() - (w * time_s + phase).cos()) / w).sum();
         value * amplitude()
@@ -59,7 +54,7 @@ mod tests {
         let (mut square, mut sum) = (0.0, 0.0);
         for k in 0..400_000 {
             let value = wobble.at((f64::from(k) + 0.5) * step_s);
-            assert!(value.abs() <= Wobble::most());
+            assert!(value.abs() <= TONES as f64 * amplitude());
             square += value * value / 400_000.0;
             sum += value * step_s;
         }

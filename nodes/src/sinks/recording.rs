@@ -34,7 +34,7 @@ haptograph_engine::choices! {
 
 impl Motion {
     /// The gesture in the recording's format.
-    pub fn gesture(&self) -> Gesture {
+    pub(crate) fn gesture(&self) -> Gesture {
         match self {
             Self::Drag => Gesture::Drag,
             Self::Circle => Gesture::Circle,

@@ -60,7 +60,7 @@ pub(super) struct Visits {
 
 impl Visits {
     /// Takes the tracker's rate and the tip's offset from its sensor.
-    pub fn new(visited: Arc<Visited>, tracker_to_tip_m: Vec3, rate_hz: f64) -> Self {
+    pub(super) fn new(visited: Arc<Visited>, tracker_to_tip_m: Vec3, rate_hz: f64) -> Self {
         Self {
             visited,
             tracker_to_tip_m,
@@ -76,7 +76,7 @@ impl Visits {
     }
 
     /// Takes frames of position (0), orientation (1) and wrench (2); ignores other streams.
-    pub fn take(&mut self, stream: usize, frames: &[f64]) {
+    pub(super) fn take(&mut self, stream: usize, frames: &[f64]) {
         match stream {
             0 => self.positions.extend(frames.as_chunks::<3>().0),
             1 => self.turns.extend(frames.as_chunks::<3>().0),

@@ -46,7 +46,7 @@ pub struct Request {
 
 impl Request {
     /// Duration of a buffer, s.
-    pub fn buffer_s(&self) -> f64 {
+    pub(crate) fn buffer_s(&self) -> f64 {
         f64::from(self.buffer_frames) / f64::from(self.rate_hz)
     }
 

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 haptograph_engine::choices! {
     /// Output beyond the ends of the recording.
-    pub enum Beyond {
+    pub(crate) enum Beyond {
         /// The recording repeats; a straight line joins its end to its start.
         Repeat,
         /// Zero.

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 haptograph_engine::choices! {
     /// What answers an impact that is faster than the fastest recorded tap.
-    pub enum Above {
+    pub(crate) enum Above {
         /// The fastest tap, its amplitude grown by the ratio of the speeds to the power of 0.70 (the mean of real materials), up to three times its speed.
         Grow,
         /// The fastest tap as it was recorded, as in the thesis.

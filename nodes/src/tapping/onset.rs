@@ -8,7 +8,7 @@ use crate::vector::{Vec3, ZERO, add_scaled, dot, sub};
 
 /// Conditions of a tap.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OnsetSettings {
+pub(crate) struct OnsetSettings {
     /// Time in free space after which the next contact can be a tap, s.
     pub rearm_s: f64,
     /// Lowest speed of a tap, m/s.
@@ -29,7 +29,7 @@ const MAX_SAMPLES: usize = 64;
 
 /// Detects the taps of one tool. Never allocates.
 #[derive(Debug, Clone)]
-pub struct Onset {
+pub(crate) struct Onset {
     /// Lowest speed of a tap, m/s.
     pub least_m_s: f64,
     period_s: f64,
@@ -46,7 +46,7 @@ pub struct Onset {
 
 impl Onset {
     /// A detector for ticks at `rate_hz`; it starts armed. The speed is measured between at least 2 ticks.
-    pub fn new(settings: &OnsetSettings, rate_hz: f64) -> Self {
+    pub(crate) fn new(settings: &OnsetSettings, rate_hz: f64) -> Self {
         let rearm_ticks = (settings.rearm_s * rate_hz).ceil().max(1.0) as u32;
         let window_ticks = settings.window_s * rate_hz;
         let stride = (window_ticks / (MAX_SAMPLES - 1) as f64).ceil().max(1.0);
@@ -64,13 +64,13 @@ impl Onset {
     }
 
     /// Takes over the state of another detector.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         (self.free_ticks, self.ticks) = (other.free_ticks, other.ticks);
         (self.positions_m, self.next) = (other.positions_m, other.next);
     }
 
     /// Advances one tick: the speed into the surface, m/s, if this contact is a tap.
-    pub fn update(&mut self, contact: &Contact) -> Option<f64> {
+    pub(crate) fn update(&mut self, contact: &Contact) -> Option<f64> {
         if !contact.hip_m.iter().all(|x| x.is_finite()) {
             return None;
         }

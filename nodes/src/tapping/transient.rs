@@ -2,12 +2,12 @@
 //! normal (momentum cancellation makes a surface hard; a vibration alone would not).
 
 use haptograph_surfaces::Taps;
-pub use haptograph_surfaces::taps::EFFECTIVE_MASS_KG;
+pub(crate) use haptograph_surfaces::taps::EFFECTIVE_MASS_KG;
 use std::sync::Arc;
 
 /// Plays the taps of a surface, one at a time; a new tap replaces one that still rings. Allocates only when made.
 #[derive(Debug, Clone)]
-pub struct Transient {
+pub(crate) struct Transient {
     taps: Arc<Taps>,
     pub(super) mass_kg: f64,
     /// A faster tap is played as one of this speed, m/s.
@@ -18,7 +18,7 @@ pub struct Transient {
 
 impl Transient {
     /// A silent player of taps recorded (or resampled) at the rate of its ticks, felt by this mass.
-    pub fn new(taps: Arc<Taps>, mass_kg: f64) -> Self {
+    pub(crate) fn new(taps: Arc<Taps>, mass_kg: f64) -> Self {
         Self { taps, mass_kg, most_m_s: f64::INFINITY, ringing: None }
     }
 
@@ -29,7 +29,7 @@ impl Transient {
     }
 
     /// Takes over the present tap of another player.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.ringing = other
             .ringing
             .map(|(speed_m_s, next)| (self.within(speed_m_s), next))
@@ -45,7 +45,7 @@ impl Transient {
     }
 
     /// Advances one tick: restarts if there was a tap (its speed, m/s); returns the force along the outward normal, N.
-    pub fn update(&mut self, tap_m_s: Option<f64>) -> f64 {
+    pub(crate) fn update(&mut self, tap_m_s: Option<f64>) -> f64 {
         let struck = tap_m_s.map(|speed_m_s| (self.within(speed_m_s), 0));
         let now = struck.or(self.ringing);
         self.ringing = now
@@ -54,11 +54,6 @@ impl Transient {
         now.map_or(0.0, |(speed_m_s, sample)| {
             self.mass_kg * self.taps.sample(&self.taps.mix(speed_m_s), sample)
         })
-    }
-
-    /// True if a transient is ringing.
-    pub fn is_ringing(&self) -> bool {
-        self.ringing.is_some()
     }
 }
 
@@ -108,7 +103,7 @@ mod tests {
         let whole: Vec<f64> =
             (0..150).map(|k| player.update(if k == 0 { Some(0.1) } else { None })).collect();
         assert!((whole[20] - 1.5 * (-1.0_f64).exp()).abs() < 1e-12);
-        assert!(whole[99] > 0.0 && whole[100..].iter().all(|f| *f == 0.0) && !player.is_ringing());
+        assert!(whole[99] > 0.0 && whole[100..].iter().all(|f| *f == 0.0) && player.ringing.is_none());
         player.update(Some(0.1));
         (0..30).for_each(|_| {
             player.update(None);

@@ -152,7 +152,7 @@ impl<'a> Coefficients<'a> {
 
 /// What the layers of a texture have at the place that a frame of [`Coefficients`] is for, in the same frame.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct LayersAt {
+pub(crate) struct LayersAt {
     /// The speed for which the coefficients are.
     pub speed_m_s: f64,
     /// The components of all [`layers::LAYERS`]; 0 for layers that the texture does not have.
@@ -161,14 +161,14 @@ pub struct LayersAt {
 
 impl LayersAt {
     /// Reads them from a frame of coefficients.
-    pub fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
+    pub(crate) fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
         let mut at = Self { speed_m_s: components[FILTER.len()], ..Self::default() };
         at.components.copy_from_slice(&components[FILTER.len() + 1..]);
         at
     }
 
     /// Adds them to a frame of coefficients that is written.
-    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
+    pub(crate) fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
         components[FILTER.len()] = self.speed_m_s;
         components[FILTER.len() + 1..].copy_from_slice(&self.components);
     }

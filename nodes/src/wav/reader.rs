@@ -59,7 +59,7 @@ impl Encoding {
     }
 
     /// Bytes of a sample.
-    pub fn bytes(self) -> usize {
+    pub(crate) fn bytes(self) -> usize {
         match self {
             Self::Unsigned8 => 1,
             Self::Integer(bytes) => bytes,
@@ -103,7 +103,7 @@ pub struct Layout {
 
 impl Layout {
     /// Bytes of a frame.
-    pub fn frame_bytes(&self) -> u64 {
+    pub(crate) fn frame_bytes(&self) -> u64 {
         u64::from(self.channels) * self.encoding.bytes() as u64
     }
 

@@ -74,7 +74,7 @@ pub(super) enum Stroke {
 }
 
 impl Sketch {
-    pub fn of(graph: &Graph) -> Self {
+    pub(super) fn of(graph: &Graph) -> Self {
         let clocks = graph.clocks().iter().map(|clock| (clock.name.clone(), rate_text(clock.rate.hz())));
         let mut sketch = Self { clocks: clocks.collect(), ..Self::default() };
         let nodes = graph.nodes();

@@ -131,7 +131,7 @@ pub(super) fn label(request: &PlotRequest, curves: &[Curve<'_>]) -> String {
 }
 
 impl Curve<'_> {
-    pub fn style(&self) -> Style {
+    pub(super) fn style(&self) -> Style {
         let style = Style::named(self.ink, self.name.as_str());
         match self.is_dashed {
             true => style.weight(Weight::Dashed),
@@ -139,7 +139,7 @@ impl Curve<'_> {
         }
     }
 
-    pub fn over_time(&self) -> Vec<Mark> {
+    pub(super) fn over_time(&self) -> Vec<Mark> {
         let unit = Unit::of(self.trace.stream.quantity);
         let style = self.style();
         match &self.trace.content {

@@ -66,9 +66,6 @@ trait Group: Clone {
 
     /// Clears the state of voices that are silent, NaN or infinite.
     fn settle(&mut self);
-
-    /// Clears the state of all voices.
-    fn reset(&mut self);
 }
 
 /// Some columns of frames with `voices` columns: `columns` of them from `first` on.
@@ -123,7 +120,7 @@ impl Frames<'_> {
 
 impl VoiceBank {
     /// Number of voices in a group, which get their coefficients together by [`Self::set_group`].
-    pub const GROUP: usize = LatticeGroup::LANES;
+    pub(crate) const GROUP: usize = LatticeGroup::LANES;
 
     /// Makes `voices` filters with zero state that pass their excitation. Allocates here only.
     pub fn new(form: Form, voices: usize) -> Self {
@@ -131,14 +128,6 @@ impl VoiceBank {
             Form::Direct => Plain::Direct(Bank::new(voices)),
             Form::Lattice => Plain::Lattice(Bank::new(voices)),
         })
-    }
-
-    /// Number of voices.
-    pub fn voices(&self) -> usize {
-        match &self.0 {
-            Plain::Direct(bank) => bank.voices,
-            Plain::Lattice(bank) => bank.voices,
-        }
     }
 
     /// Sets the coefficients of one voice from the next sample on, as in [`ArmaFilter`](super::ArmaFilter).
@@ -199,14 +188,6 @@ impl VoiceBank {
             Plain::Lattice(bank) => bank.process(excitation, out),
         }
     }
-
-    /// Clears the state of every voice; keeps the coefficients.
-    pub fn reset(&mut self) {
-        match &mut self.0 {
-            Plain::Direct(bank) => bank.reset(),
-            Plain::Lattice(bank) => bank.reset(),
-        }
-    }
 }
 
 impl WarpedBank {
@@ -218,17 +199,12 @@ impl WarpedBank {
         Self(Bank::new(voices))
     }
 
-    /// Number of voices.
-    pub fn voices(&self) -> usize {
-        self.0.voices
-    }
-
     /// Sets the coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k
     /// has `a_{k+1}` of each voice. White excitation of variance 1 comes out with these powers; a new power scales the
     /// excitation, not the state.
     ///
     /// # Errors
-    /// The error of [`WarpedLattice::set_power`](super::WarpedLattice::set_power) for the first refused voice, with its
+    /// The error of [`power_gain`](crate::warped::power_gain) for the first refused voice, with its
     /// index in the group. All voices then keep their old coefficients. A group that does not exist is ignored.
     pub fn set_group(
         &mut self,
@@ -246,11 +222,6 @@ impl WarpedBank {
     /// Filters frames of one sample a voice, voice after voice, up to the last whole frame of the shorter slice.
     pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
         self.0.process(excitation, out);
-    }
-
-    /// Clears the state of every voice; keeps the coefficients.
-    pub fn reset(&mut self) {
-        self.0.reset();
     }
 }
 
@@ -280,11 +251,6 @@ impl<G: Group> Bank<G> {
         if self.voices > 0 {
             in_runs(self, self.voices, excitation, out);
         }
-    }
-
-    fn reset(&mut self) {
-        self.groups.iter_mut().for_each(Group::reset);
-        self.since_settled = 0;
     }
 }
 

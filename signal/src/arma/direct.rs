@@ -100,7 +100,7 @@ impl DirectForm {
     /// # Errors
     /// [`ArmaError`] for too many, NaN or infinite coefficients; the old ones are then kept. Unstable ones are
     /// accepted.
-    pub fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
+    pub(crate) fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
         check(ar, ma, gain)?;
         let (nearest, farther) = ar.split_first().unwrap_or((&0.0, &[]));
         self.nearest = *nearest;
@@ -125,7 +125,7 @@ impl DirectForm {
     }
 
     /// Clears the state; keeps the coefficients.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.e.fill(0.0);
         self.y.fill(0.0);
         self.sums = [[0.0; LANES]; REACH];

@@ -87,7 +87,7 @@ impl Lattice {
     ///
     /// # Errors
     /// [`ArmaError`] for too many, NaN, infinite or unstable coefficients; the old ones are then kept.
-    pub fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
+    pub(crate) fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
         let coefficients = Coefficients::new(ar, ma, gain)?;
         // Signals of stages that are gone, or were never there, must not come back with them.
         self.backward[coefficients.order.min(self.coefficients.order)..].fill(0.0);
@@ -101,7 +101,7 @@ impl Lattice {
     }
 
     /// Clears the state; keeps the coefficients.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.backward.fill(0.0);
         self.since_settled = 0;
     }

@@ -2,9 +2,8 @@
 
 mod step;
 
-use super::{ArmaError, MAX_ORDER, SETTLE, Settling, are_finite, check, in_runs, is_over};
+use super::{ArmaError, SETTLE, Settling, are_finite, in_runs, is_over};
 use crate::elementwise::mul_add;
-use crate::warped::residual_share;
 use pulp::{Arch, Simd, WithSimd};
 pub(super) use step::Stages;
 use step::{ROWS, SUMS, Step};
@@ -58,18 +57,6 @@ impl WarpedLattice {
         Ok(())
     }
 
-    /// Sets the coefficients from the next sample on, for an output of `power` under white excitation of variance 1.
-    ///
-    /// # Errors
-    /// As [`Self::set_coefficients`].
-    pub fn set_power(&mut self, ar: &[f64], warping: f64, power: f64) -> Result<(), ArmaError> {
-        check(ar, &[], power)?;
-        let mut product = [0.0; MAX_ORDER + 1];
-        let share = residual_share(ar, warping, &mut product[..=ar.len()])?;
-        let gain = (power.max(0.0) * share / (1.0 - warping * warping)).sqrt();
-        self.set_coefficients(ar, warping, gain)
-    }
-
     /// Filters `excitation` into `out`, up to the shorter of the two.
     pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
         in_runs(self, 1, excitation, out);
@@ -79,12 +66,6 @@ impl WarpedLattice {
     pub fn copy_state_from(&mut self, other: &Self) {
         self.step.clone_from(&other.step);
         (self.state, self.since_settled) = (other.state, other.since_settled);
-    }
-
-    /// Clears the state; keeps the coefficients.
-    pub fn reset(&mut self) {
-        self.state.fill(0.0);
-        self.since_settled = 0;
     }
 }
 

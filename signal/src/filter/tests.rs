@@ -11,13 +11,18 @@ fn warped(frequency_hz: f64, rate_hz: f64) -> f64 {
     (PI * frequency_hz / rate_hz).tan()
 }
 
+/// True if every pole lies inside the unit circle.
+fn is_stable(filter: &Sections) -> bool {
+    filter.sections.iter().all(Biquad::is_stable)
+}
+
 #[test]
 fn butterworth_magnitudes_are_the_closed_form() {
     for order in 1..=MAX_ORDER {
         for (cutoff, rate) in [(20.0, 1000.0), (1000.0, 10_000.0), (4000.0, 10_000.0), (20.0, 10_000.0)] {
             let low = butterworth_lowpass(order, cutoff, rate).unwrap();
             let high = butterworth_highpass(order, cutoff, rate).unwrap();
-            assert!(low.is_stable() && high.is_stable());
+            assert!(is_stable(&low) && is_stable(&high));
             for f in [0.3, 0.7, 1.0, 1.1].map(|part| part * cutoff) {
                 let ratio = (warped(f, rate) / warped(cutoff, rate)).powi(2 * order as i32);
                 let got = low.response(f, rate).norm_sqr();
@@ -34,7 +39,7 @@ fn butterworth_bandpass_magnitude_is_the_closed_form() {
     for order in 1..=8 {
         let (low, high, rate) = (20.0, 1000.0, 10_000.0);
         let filter = butterworth_bandpass(order, low, high, rate).unwrap();
-        assert!(filter.is_stable());
+        assert!(is_stable(&filter));
         let (wl, wh) = (warped(low, rate), warped(high, rate));
         for f in [5.0, 20.0, 60.0, 140.0, 800.0, 1000.0, 3000.0] {
             let w = warped(f, rate);
@@ -88,7 +93,7 @@ fn bessel_poles_are_the_published_ones() {
 fn bessel_filters_lose_3_db_at_the_cutoff_and_delay_evenly() {
     for order in 1..=MAX_ORDER {
         let filter = bessel_lowpass(order, 1000.0, 10_000.0).unwrap();
-        assert!(filter.is_stable());
+        assert!(is_stable(&filter));
         assert!((decibels(&filter, 1000.0, 10_000.0) + 10.0 * 2_f64.log10()).abs() < 1e-6, "{order}");
         assert!((filter.response(0.0, 10_000.0).norm() - 1.0).abs() < 1e-9);
     }
@@ -244,7 +249,7 @@ fn extreme_frequencies_give_filters_that_are_right_or_an_error() {
                     };
                     let passed_hz = if low { 0.0 } else { 0.5 * rate_hz };
                     let name = format!("order {order}, {cutoff_hz} Hz, low {low}");
-                    assert!(filter.is_stable(), "{name}");
+                    assert!(is_stable(&filter), "{name}");
                     assert!((filter.response(passed_hz, rate_hz).norm() - 1.0).abs() < 1e-6, "{name}");
                     assert!(filter.group_delay_s(0.01 * cutoff_hz, rate_hz).is_finite(), "{name}");
                 }

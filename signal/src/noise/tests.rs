@@ -1,6 +1,13 @@
 use super::*;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
+impl Uniform {
+    /// The next sample.
+    pub(crate) fn next_sample(&mut self) -> f64 {
+        self.source.next_sample()
+    }
+}
+
 #[test]
 fn stream_seeds_keep_their_values() {
     // Computed once by an independent implementation: files depend on them.

@@ -57,7 +57,7 @@ impl Resampler {
     }
 
     /// Number of outputs before input number `inputs`, both counted from the beginning.
-    pub fn outputs_before(&self, inputs: u64) -> u64 {
+    pub(crate) fn outputs_before(&self, inputs: u64) -> u64 {
         let outputs = (u128::from(inputs) * u128::from(self.up)).div_ceil(u128::from(self.down));
         u64::try_from(outputs).unwrap_or(u64::MAX)
     }

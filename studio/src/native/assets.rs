@@ -3,6 +3,6 @@
 use include_dir::{Dir, include_dir};
 
 /// The files of `studio/page`.
-pub static PAGE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/page");
+pub(super) static PAGE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/page");
 /// The WebAssembly engine; empty if this program was built without it.
-pub static ENGINE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/engine.wasm"));
+pub(super) static ENGINE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/engine.wasm"));

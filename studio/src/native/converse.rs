@@ -63,7 +63,7 @@ fn unframed(message: ws::Message) -> Option<Message> {
 
 /// Work that only one page can do at a time.
 #[derive(Debug, Clone, Default)]
-pub struct ExclusiveWork {
+pub(super) struct ExclusiveWork {
     /// Swapping the graph or writing the file.
     edit: Arc<AsyncMutex<()>>,
     pub learning: Learning,
@@ -112,7 +112,7 @@ impl Inbox {
 
 /// Serves a page until either end closes. The task that reads the socket waits neither for the stage, which another
 /// thread may hold, nor for a page that does not read, so that a STOP takes effect at once.
-pub async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
+pub(super) async fn run(socket: WebSocket, shared: Shared, pass: Pass) {
     pass.let_in();
     let max_pages = shared.max_pages();
     let Shared { stage, exclusive, reach, learner, .. } = shared;
@@ -156,7 +156,7 @@ async fn read(mut stream: SplitStream<WebSocket>, (switch, pass): (&ArmSwitch, &
 }
 
 /// Length of the longest message that a page may send, bytes: pages of the network send no recordings.
-pub fn longest(reach: Reach) -> usize {
+pub(super) fn longest(reach: Reach) -> usize {
     match reach {
         Reach::Machine => MAX_LEARNED_BYTES,
         Reach::Network => MAX_BYTES,

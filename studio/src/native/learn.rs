@@ -29,7 +29,7 @@ const MAX_LETTERS: usize = 1000;
 
 /// The one recording that is learned at a time, which any thread can cancel.
 #[derive(Debug, Clone, Default)]
-pub struct Learning(Arc<Mutex<Option<Running>>>);
+pub(super) struct Learning(Arc<Mutex<Option<Running>>>);
 
 #[derive(Debug)]
 struct Running {
@@ -48,7 +48,7 @@ enum End {
 
 /// The turn of one recording; dropping it lets another begin.
 #[derive(Debug)]
-pub struct Turn(Learning);
+pub(super) struct Turn(Learning);
 
 impl Drop for Turn {
     fn drop(&mut self) {
@@ -63,7 +63,7 @@ impl Learning {
     }
 
     /// Takes the turn for a request of a page; `None` while another recording is learned.
-    pub fn begin(&self, page: u64, request: u64) -> Option<Turn> {
+    pub(super) fn begin(&self, page: u64, request: u64) -> Option<Turn> {
         let mut running = self.running();
         running.is_none().then(|| {
             *running = Some(Running { page, request, child: None, end: None });
@@ -82,19 +82,19 @@ impl Learning {
     }
 
     /// Cancels the learning of a page; with a request, that one only.
-    pub fn cancel(&self, page: u64, request: Option<u64>) {
+    pub(super) fn cancel(&self, page: u64, request: Option<u64>) {
         self.end(End::Cancelled, |running| {
             running.page == page && request.is_none_or(|request| running.request == request)
         });
     }
 
     /// Cancels it whosever it is.
-    pub fn cancel_all(&self) {
+    pub(super) fn cancel_all(&self) {
         self.end(End::Cancelled, |_| true);
     }
 
     /// Cancels it whosever it is, and waits until its files are removed.
-    pub fn close(&self) {
+    pub(super) fn close(&self) {
         self.cancel_all();
         let asked = Instant::now();
         while self.running().is_some() && asked.elapsed() < Duration::from_secs(5) {
@@ -105,7 +105,7 @@ impl Learning {
 
 impl Turn {
     /// Learns the table `name` and writes its surface to a new file in `folder`; returns the file and the report as HTML.
-    pub fn surface(
+    pub(super) fn surface(
         &self,
         learner: Learner,
         (name, table): (&str, &[u8]),

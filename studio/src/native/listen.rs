@@ -9,7 +9,7 @@ const MAX_TRIES: u32 = 16;
 
 /// A listening socket.
 #[derive(Debug)]
-pub struct Door {
+pub(super) struct Door {
     pub listener: TcpListener,
     pub address: SocketAddr,
     /// Host names in browsers.
@@ -19,21 +19,21 @@ pub struct Door {
 
 /// The socket for pages of this machine, and optionally one for other machines on the same port.
 #[derive(Debug)]
-pub struct Doors {
+pub(super) struct Doors {
     pub here: Door,
     pub lan: Option<Door>,
 }
 
 impl Doors {
     /// All sockets.
-    pub fn all(self) -> impl Iterator<Item = Door> {
+    pub(super) fn all(self) -> impl Iterator<Item = Door> {
         std::iter::once(self.here).chain(self.lan)
     }
 }
 
 /// Error of opening the sockets.
 #[derive(Debug, thiserror::Error)]
-pub enum ListenError {
+pub(super) enum ListenError {
     /// The port is taken, or the address does not belong to this machine.
     #[error("cannot listen at {0}: {1}; choose another port, or an address of this machine")]
     Bind(SocketAddr, io::Error),
@@ -46,7 +46,7 @@ pub enum ListenError {
 }
 
 /// Listens on a port of the loopback address and of `lan`; 0 selects a free port.
-pub fn doors(port: u16, lan: Option<IpAddr>) -> Result<Doors, ListenError> {
+pub(super) fn doors(port: u16, lan: Option<IpAddr>) -> Result<Doors, ListenError> {
     if let Some(lan) = lan.filter(|lan| is_no_place(*lan)) {
         return Err(ListenError::Address(lan));
     }

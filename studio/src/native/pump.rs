@@ -7,7 +7,7 @@ use std::sync::{Mutex, Weak};
 use std::time::Instant;
 
 /// Serves the pages of a stage until the stage is dropped.
-pub fn run(stage: &Weak<Mutex<Stage>>) {
+pub(super) fn run(stage: &Weak<Mutex<Stage>>) {
     let (mut publisher, mut last) = (Publisher::default(), Instant::now());
     loop {
         std::thread::sleep(STEP);

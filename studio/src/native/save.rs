@@ -9,7 +9,7 @@ use std::io::Write;
 use std::sync::Mutex;
 
 /// Writes a text to the graph's file, unless the file has changed since it was read.
-pub fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
+pub(super) fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
     let (source, on_disk) = {
         let stage = lock(stage);
         (stage.source.clone(), stage.on_disk.clone())

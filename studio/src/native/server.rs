@@ -114,7 +114,7 @@ pub struct Studio {
 
 /// State shared by all requests.
 #[derive(Clone)]
-pub struct Shared {
+pub(super) struct Shared {
     pub stage: Arc<Mutex<Stage>>,
     pub exclusive: ExclusiveWork,
     pub learner: Option<Learner>,
@@ -126,7 +126,7 @@ pub struct Shared {
 
 impl Shared {
     /// Maximum number of pages with which another may come: those of the network leave some for this machine.
-    pub fn max_pages(&self) -> usize {
+    pub(super) fn max_pages(&self) -> usize {
         match self.reach {
             Reach::Machine => MAX_PAGES,
             Reach::Network => MAX_PAGES / 2,

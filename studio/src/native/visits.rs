@@ -37,7 +37,7 @@ fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// State shared by all sockets of a studio.
 #[derive(Debug, Clone)]
-pub struct Visits {
+pub(super) struct Visits {
     /// The latest reason why no connection can be accepted; `None` once one was.
     pub trouble: Arc<Mutex<Option<String>>>,
     long: Arc<Semaphore>,
@@ -50,14 +50,14 @@ impl Default for Visits {
 }
 
 /// A listening socket with its connections that are no pages, the oldest first.
-pub struct Reception {
+pub(super) struct Reception {
     listener: TcpListener,
     visits: Visits,
     waiting: VecDeque<oneshot::Sender<()>>,
 }
 
 impl Reception {
-    pub fn of(listener: TcpListener, visits: Visits) -> Self {
+    pub(super) fn of(listener: TcpListener, visits: Visits) -> Self {
         Self { listener, visits, waiting: VecDeque::new() }
     }
 
@@ -111,7 +111,7 @@ impl Listener for Reception {
 
 /// A handle of a connection for the code that answers it.
 #[derive(Debug, Clone, Default)]
-pub struct Pass(Arc<Shared>);
+pub(super) struct Pass(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -126,18 +126,18 @@ struct Shared {
 
 impl Pass {
     /// Ends the limit of time: who asks has shown the token.
-    pub fn know(&self) {
+    pub(super) fn know(&self) {
         self.0.is_known.store(true, Relaxed);
     }
 
     /// Makes the connection a page, which may be idle.
-    pub fn let_in(&self) {
+    pub(super) fn let_in(&self) {
         self.0.unheard.store(0, Relaxed);
         self.0.is_page.store(true, Relaxed);
     }
 
     /// Ends a message; if it was long, no other begins until the returned turn is dropped.
-    pub fn heard(&self) -> Option<OwnedSemaphorePermit> {
+    pub(super) fn heard(&self) -> Option<OwnedSemaphorePermit> {
         self.0.unheard.store(0, Relaxed);
         lock(&self.0.turn).take()
     }
@@ -152,7 +152,7 @@ impl Connected<IncomingStream<'_, Reception>> for Pass {
 type Turn = Pin<Box<dyn Future<Output = Option<OwnedSemaphorePermit>> + Send>>;
 
 /// A connection.
-pub struct Visit {
+pub(super) struct Visit {
     stream: TcpStream,
     pass: Pass,
     /// While it is no page, and during a long message.

@@ -10,7 +10,7 @@ use haptograph_signal::quantity::Quantity;
 
 impl Stage {
     /// Finds the actuators and the sound of the graph.
-    pub fn describe_actuators(&mut self) {
+    pub(crate) fn describe_actuators(&mut self) {
         let graph = &self.loaded.graph;
         let known: Vec<Actuator> = std::mem::take(&mut self.signals.actuators);
         let delivered = |sink: &str| {

@@ -11,14 +11,14 @@ use haptograph_engine::silence::InputState;
 use haptograph_live::soundcard::output_sinks;
 
 /// The gain behind the limits with which arming begins: -20 dB.
-pub const FIRST_GAIN: f64 = 0.1;
+pub(crate) const FIRST_GAIN: f64 = 0.1;
 
 impl Stage {
     /// Arms the real actuators, with [`FIRST_GAIN`].
     ///
     /// # Errors
     /// [`StageError`] if the graph drives no real device.
-    pub fn arm(&mut self) -> Result<(), StageError> {
+    pub(crate) fn arm(&mut self) -> Result<(), StageError> {
         let refused = |why: &str| Err(StageError::Other(format!("cannot arm: {why}")));
         if !self.host.can_drive || driven(&self.loaded.graph).is_empty() {
             return refused("the graph drives no real device");
@@ -38,7 +38,7 @@ impl Stage {
     }
 
     /// The place at which a real device of the run is reached: an address, or the name that the system reports.
-    pub fn place_of(&self, device: &str) -> Option<String> {
+    pub(crate) fn place_of(&self, device: &str) -> Option<String> {
         let mut heard = self.devices.inputs.streams();
         let is_played = || output_sinks(&self.loaded.graph).iter().any(|output| output.endpoint == device);
         let card = self.drive.as_ref().and_then(|drive| drive.card());
@@ -51,13 +51,13 @@ impl Stage {
     }
 
     /// Takes the real actuators to zero until they are armed again.
-    pub fn disarm(&self) {
+    pub(crate) fn disarm(&self) {
         self.devices.switch.disarm();
     }
 
     /// Disarms if a driven device that sent data falls silent, because the next device at its address may be another
     /// one.
-    pub fn disarm_if_silent(&mut self) {
+    pub(crate) fn disarm_if_silent(&mut self) {
         let driven = driven(&self.loaded.graph);
         let is_driven = |device: &str| driven.iter().any(|(name, _)| *name == device);
         let inputs = self.session.as_ref().map(Session::live_inputs).unwrap_or_default();

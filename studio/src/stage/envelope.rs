@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 impl Stage {
     /// Keeps a refused edit, for confirmation at the terminal.
-    pub fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
+    pub(crate) fn propose(&mut self, source: Source, text: String, beyond: Vec<String>) {
         self.permitted.proposals += 1;
         self.permitted.proposal = Some(Proposal { number: self.permitted.proposals, beyond, source, text });
     }
@@ -17,7 +17,7 @@ impl Stage {
     ///
     /// # Errors
     /// [`StageError`] if another edit was proposed since, or none was.
-    pub fn confirm(&mut self, number: u64) -> Result<(), StageError> {
+    pub(crate) fn confirm(&mut self, number: u64) -> Result<(), StageError> {
         let Some(proposal) = self.permitted.proposal.take_if(|proposal| proposal.number == number) else {
             let why = match &self.permitted.proposal {
                 Some(latest) => format!("edit {number} was replaced by edit {}", latest.number),

@@ -7,7 +7,7 @@ use super::Stage;
 
 impl Stage {
     /// Adds a page; the first one becomes the owner.
-    pub fn join(&mut self, line: Box<dyn Line>, reach: Reach) -> u64 {
+    pub(crate) fn join(&mut self, line: Box<dyn Line>, reach: Reach) -> u64 {
         let id = self.pages.next;
         self.pages.next += 1;
         self.pages.list.push(Page {
@@ -26,7 +26,7 @@ impl Stage {
     }
 
     /// Removes a page. Its inputs fall silent by their timeout.
-    pub fn leave(&mut self, page: u64) {
+    pub(crate) fn leave(&mut self, page: u64) {
         self.pages.list.retain(|known| known.id != page);
         if self.pages.owner == Some(page) {
             self.disarm();
@@ -37,14 +37,14 @@ impl Stage {
     }
 
     /// Makes another page the owner. Actuators that the previous owner armed are disarmed.
-    pub fn give_to(&mut self, page: u64) {
+    pub(crate) fn give_to(&mut self, page: u64) {
         if self.pages.owner.replace(page) != Some(page) {
             self.disarm();
         }
     }
 
     /// Sends a message to the owner.
-    pub fn tell_owner(&mut self, value: &serde_json::Value) {
+    pub(crate) fn tell_owner(&mut self, value: &serde_json::Value) {
         let owner = self.pages.owner;
         if let Some(page) = self.pages.list.iter_mut().find(|page| Some(page.id) == owner) {
             page.send(text(value));
@@ -52,13 +52,13 @@ impl Stage {
     }
 
     /// Sets the ports that a page displays.
-    pub fn scope(&mut self, page: u64, mut ports: Vec<ScopeRequest>) {
+    pub(crate) fn scope(&mut self, page: u64, mut ports: Vec<ScopeRequest>) {
         ports.truncate(MAX_SCOPES);
         self.page_of(page, |page| page.wanted = ports);
     }
 
     /// Calls `work` with a page if it is still connected.
-    pub fn page_of(&mut self, page: u64, work: impl FnOnce(&mut Page)) {
+    pub(crate) fn page_of(&mut self, page: u64, work: impl FnOnce(&mut Page)) {
         if let Some(page) = self.pages.list.iter_mut().find(|known| known.id == page) {
             work(page);
         }

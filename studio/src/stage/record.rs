@@ -18,7 +18,7 @@ impl Stage {
     ///
     /// # Errors
     /// [`StageError`] after a STOP, which no recording ends.
-    pub fn record(&mut self, on: bool) -> Result<(), StageError> {
+    pub(crate) fn record(&mut self, on: bool) -> Result<(), StageError> {
         self.refuse_after_stop(if on { "record" } else { "end the recording" })?;
         if on != self.records() {
             self.close_recording();
@@ -31,7 +31,7 @@ impl Stage {
     }
 
     /// True if a recording goes on, or begins once the run has fallen to zero.
-    pub fn records(&self) -> bool {
+    pub(crate) fn records(&self) -> bool {
         match self.cycle.is_stopping {
             true => matches!(self.cycle.next_run, NextRun::Record),
             false => self.recorder.recording.is_some(),
@@ -39,14 +39,14 @@ impl Stage {
     }
 
     /// Ends the recording at the present frame.
-    pub fn close_recording(&mut self) {
+    pub(crate) fn close_recording(&mut self) {
         if let (Some(recording), Some(drive)) = (&mut self.recorder.recording, &self.drive) {
             recording.frames = drive.between_frames(|frame| frame);
         }
     }
 
     /// Begins to record a run, whose folder keeps what is recorded.
-    pub fn begin_recording(&mut self) {
+    pub(crate) fn begin_recording(&mut self) {
         let mut recording = Recording::begin(&self.source, &self.loaded.text, self.signals.rate_hz);
         if self.host.is_driven_by_caller {
             // A page's audio thread records without allocating. Elsewhere 32 MB that are freed after each recording would
@@ -60,7 +60,7 @@ impl Stage {
     }
 
     /// Appends what was recorded since the last call to the file of the run.
-    pub fn append_recording(&mut self) {
+    pub(crate) fn append_recording(&mut self) {
         let (Some(recording), Some(drive)) = (&self.recorder.recording, &self.drive) else {
             return;
         };
@@ -72,7 +72,7 @@ impl Stage {
     }
 
     /// Saves a recording if there is a folder for it, and sends it to the page that made it.
-    pub fn deliver_recording(&mut self, recording: &Recording) {
+    pub(crate) fn deliver_recording(&mut self, recording: &Recording) {
         let page_error = self.recorder.page_error.take();
         let written = self.recorder.folder.take().map(|folder| {
             let path = folder.join(STROKES);
@@ -102,7 +102,7 @@ impl Stage {
     }
 
     /// Creates a folder with this name and a number, where runs are stored.
-    pub fn new_folder(&mut self, name: &str) -> io::Result<Option<PathBuf>> {
+    pub(crate) fn new_folder(&mut self, name: &str) -> io::Result<Option<PathBuf>> {
         let Some(out) = &self.recorder.out else { return Ok(None) };
         std::fs::create_dir_all(out)?;
         for number in 1..MAX_FOLDERS {

@@ -14,7 +14,7 @@ const MAX_ADVANCE_S: f64 = 0.5;
 
 impl Stage {
     /// Replays a recording on the running graph; the message says whether it was made with this graph.
-    pub fn start_replay(&mut self, recording: Box<Recording>) -> Result<String, StageError> {
+    pub(crate) fn start_replay(&mut self, recording: Box<Recording>) -> Result<String, StageError> {
         let other = |error: &dyn std::fmt::Display| {
             StageError::Other(format!("cannot replay the recording: {error}"))
         };
@@ -41,7 +41,7 @@ impl Stage {
     }
 
     /// Runs `frames` frames if the caller drives the run, with the replayed events due before each.
-    pub fn run(&mut self, frames: usize) {
+    pub(crate) fn run(&mut self, frames: usize) {
         let mut left = frames as u64;
         while left > 0 {
             let part = left.min(self.replay_due_events());
@@ -82,7 +82,7 @@ impl Stage {
     }
 
     /// If a thread drives the run: replays the events for the elapsed time `passed`.
-    pub fn advance_replay(&mut self, passed: Duration) {
+    pub(crate) fn advance_replay(&mut self, passed: Duration) {
         let is_ours = self.drive.as_ref().is_some_and(Drive::is_the_callers);
         if self.host.is_driven_by_caller || !is_ours {
             self.cycle.pending_s = 0.0;

@@ -26,12 +26,12 @@ const CLOSING: Duration = Duration::from_secs(60);
 
 impl Stage {
     /// Starts a live run.
-    pub fn start(&mut self) -> Result<(), StageError> {
+    pub(crate) fn start(&mut self) -> Result<(), StageError> {
         self.start_as(NextRun::Live)
     }
 
     /// Starts a run. Real actuators start as warm as their limits allow, since their temperature is unknown.
-    pub fn start_as(&mut self, how: NextRun) -> Result<(), StageError> {
+    pub(crate) fn start_as(&mut self, how: NextRun) -> Result<(), StageError> {
         if self.cycle.state == State::Running {
             // It is falling to zero, more slowly than a page waits.
             if self.cycle.is_stopping {
@@ -101,7 +101,7 @@ impl Stage {
     }
 
     /// Shows what devices lack, as a guard.
-    pub fn note_refusals(&mut self) {
+    pub(crate) fn note_refusals(&mut self) {
         let refused = self.devices.network.status().into_iter().flat_map(|known| known.refused);
         self.devices.note = refused.last().or(self.devices.note.take());
     }
@@ -163,7 +163,7 @@ impl Stage {
         }
     }
 
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         if self.recorder.recording.as_ref().is_some_and(|recording| recording.frames == 0) {
             self.close_recording();
         }
@@ -194,7 +194,7 @@ impl Stage {
     ///
     /// # Errors
     /// [`StageError`] with the remedy.
-    pub fn refuse_after_stop(&self, action: &str) -> Result<(), StageError> {
+    pub(crate) fn refuse_after_stop(&self, action: &str) -> Result<(), StageError> {
         let is_halting = self.cycle.is_stopping && matches!(self.cycle.next_run, NextRun::None);
         match self.cycle.state == State::Running && !is_halting {
             true => Ok(()),
@@ -203,19 +203,19 @@ impl Stage {
     }
 
     /// Stops the run without a successor.
-    pub fn halt(&mut self) {
+    pub(crate) fn halt(&mut self) {
         self.close_recording();
         (self.cycle.next_run, self.cycle.replay) = (NextRun::None, None);
         self.stop_within(STOPPING);
     }
 
     /// Stops the run, and starts this one after it, within [`STOPPING`] or later.
-    pub fn restart(&mut self, next: NextRun) {
+    pub(crate) fn restart(&mut self, next: NextRun) {
         self.restart_within(STOPPING, next);
     }
 
     /// Stops the run, and starts this one after it, within this time or later.
-    pub fn restart_within(&mut self, longest: Duration, next: NextRun) {
+    pub(crate) fn restart_within(&mut self, longest: Duration, next: NextRun) {
         (self.cycle.next_run, self.cycle.replay) = (next, None);
         match self.session {
             Some(_) => self.stop_within(longest),
@@ -224,7 +224,7 @@ impl Stage {
     }
 
     /// Delivers the recording of the finished run and starts the next run.
-    pub fn start_next_run(&mut self) {
+    pub(crate) fn start_next_run(&mut self) {
         if let Some(recording) = self.recorder.recording.take() {
             self.deliver_recording(&recording);
         }
@@ -239,7 +239,7 @@ impl Stage {
     }
 
     /// Ends the run with complete files.
-    pub fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         self.halt();
         if let Some(drive) = &mut self.drive {
             drive.is_done_within(CLOSING);

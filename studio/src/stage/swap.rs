@@ -10,7 +10,7 @@ use haptograph_live::soundcard::card_requests;
 
 impl Stage {
     /// Swaps the graph; returns a description of the change.
-    pub fn swap(&mut self, source: Source, mut next: Loaded) -> Result<String, StageError> {
+    pub(crate) fn swap(&mut self, source: Source, mut next: Loaded) -> Result<String, StageError> {
         if self.session.is_none() {
             (self.loaded, self.source) = (next, source);
             self.describe_actuators();

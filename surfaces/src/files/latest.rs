@@ -13,7 +13,7 @@ const MAX_KEPT_BYTES: usize = 1 << 20;
 static LATEST: Mutex<Vec<(Box<[u8]>, Surface)>> = Mutex::new(Vec::new());
 
 /// The surface that [`read_surface`] makes of these bytes.
-pub fn read(bytes: &[u8]) -> Result<Surface, ReadError> {
+pub(super) fn read(bytes: &[u8]) -> Result<Surface, ReadError> {
     let latest = || LATEST.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(surface) = found(&mut latest(), bytes) {
         return Ok(surface);

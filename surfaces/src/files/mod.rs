@@ -16,11 +16,11 @@ pub use hatt::{HattProblem, HattWriteError};
 pub use malformed::Malformed;
 
 /// Most models in one texture of a file.
-pub const MAX_MODELS: usize = 1024;
+pub(crate) const MAX_MODELS: usize = 1024;
 /// Most taps in a file.
-pub const MAX_TAPS: usize = 1024;
+pub(crate) const MAX_TAPS: usize = 1024;
 /// Most samples in one tap of a file; 16 s at 1 kHz.
-pub const MAX_TAP_SAMPLES: usize = 16_384;
+pub(crate) const MAX_TAP_SAMPLES: usize = 16_384;
 
 /// Reads a surface from the bytes of a file in any supported format.
 pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {

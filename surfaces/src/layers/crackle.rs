@@ -27,11 +27,11 @@ pub struct Crackle {
 /// Deepest crackle: an excess kurtosis of 160.
 pub const MAX_DEPTH: f64 = 2.0;
 /// Longest time constant, s: slower fluctuation follows from speed and force.
-pub const MAX_TIME_CONSTANT_S: f64 = 1.0;
+pub(crate) const MAX_TIME_CONSTANT_S: f64 = 1.0;
 
 impl Crackle {
     /// Crackle of `depth`, the standard deviation of the power's natural logarithm (above 0, at most [`MAX_DEPTH`]), with the
-    /// correlation time `time_constant_s` (above 0, at most [`MAX_TIME_CONSTANT_S`]).
+    /// correlation time `time_constant_s` (above 0, at most `MAX_TIME_CONSTANT_S`).
     ///
     /// # Errors
     /// [`CrackleError`] for values out of these ranges.

@@ -54,21 +54,6 @@ impl SpatialLine {
         }
         Ok(Self { cycles_per_m, diffusion_rad2_per_m, powers_m2_s4 })
     }
-
-    /// Cycles per metre of travel.
-    pub fn cycles_per_m(&self) -> f64 {
-        self.cycles_per_m
-    }
-
-    /// Growth of the phase variance with the travelled distance, rad²/m.
-    pub fn diffusion_rad2_per_m(&self) -> f64 {
-        self.diffusion_rad2_per_m
-    }
-
-    /// Power at each model of the map, (m/s²)².
-    pub fn powers_m2_s4(&self) -> &[f64] {
-        &self.powers_m2_s4
-    }
 }
 
 /// The lines of a texture: from 1 to [`MAX_LINES`].
@@ -216,11 +201,6 @@ impl Layer for Lines {
 }
 
 impl TextureModel {
-    /// Lines fixed in space; their powers are in the order of the models.
-    pub fn lines(&self) -> &[SpatialLine] {
-        self.layer().map_or(&[], |lines: &Lines| &lines.0)
-    }
-
     /// The same texture with lines fixed in space in addition to its noise.
     ///
     /// # Errors
@@ -249,7 +229,7 @@ const SILENT_M_S2: f64 = 1e-9;
 
 /// Renders the lines of a texture in real time. It does not allocate; its output does not depend on block sizes.
 #[derive(Debug, Clone)]
-pub struct LineSource {
+pub(crate) struct LineSource {
     lines: Vec<Voice>,
     noise: Gaussian,
     rate_hz: f64,
@@ -274,7 +254,7 @@ struct Voice {
 
 impl LineSource {
     /// A source of `lines` at `rate_hz` for a texture whose models have the rate `models_hz`. Initial phases are random.
-    pub fn new(lines: &[SpatialLine], rate_hz: f64, models_hz: f64, seed: u64) -> Self {
+    pub(crate) fn new(lines: &[SpatialLine], rate_hz: f64, models_hz: f64, seed: u64) -> Self {
         let mut noise = Gaussian::new(seed);
         let voice = |line: &SpatialLine| Voice {
             cycles_per_m: line.cycles_per_m,

@@ -23,7 +23,7 @@ pub(crate) struct SpectrumVoice {
 
 impl SpectrumVoice {
     /// A filter of this form for models that are not warped. Without a texture there is no high-pass.
-    pub fn new(form: Form, texture: Option<&TextureModel>) -> Self {
+    pub(crate) fn new(form: Form, texture: Option<&TextureModel>) -> Self {
         let highpass = texture.and_then(TextureModel::output_highpass);
         Self {
             plain: ArmaFilter::new(form),
@@ -37,7 +37,7 @@ impl SpectrumVoice {
     ///
     /// # Errors
     /// Coefficients of an unstable filter.
-    pub fn set(&mut self, ar: &[f64], ma: &[f64], gain: f64, warping: f64) -> Result<(), ArmaError> {
+    pub(crate) fn set(&mut self, ar: &[f64], ma: &[f64], gain: f64, warping: f64) -> Result<(), ArmaError> {
         let is_warped = warping != 0.0;
         if is_warped {
             self.warped.set_coefficients(ar, warping, gain)?;
@@ -49,7 +49,7 @@ impl SpectrumVoice {
     }
 
     /// Filters the next samples.
-    pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
+    pub(crate) fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
         if self.is_warped {
             self.warped.process(excitation, out);
         } else {
@@ -61,7 +61,7 @@ impl SpectrumVoice {
     }
 
     /// Continues the state of the voice that this one replaces.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.plain.clone_from(&other.plain);
         self.warped.copy_state_from(&other.warped);
         self.is_warped = other.is_warped;
@@ -105,7 +105,7 @@ struct Buffers {
 
 impl SpectrumBank {
     /// Filters of `textures`, at least one.
-    pub fn new(textures: &[&TextureModel]) -> Self {
+    pub(crate) fn new(textures: &[&TextureModel]) -> Self {
         let first = textures[0];
         let orders = [first.ar_order(), first.ma_order()];
         let highpasses = textures.iter().filter_map(|texture| texture.output_highpass());
@@ -128,7 +128,7 @@ impl SpectrumBank {
 
     /// Moves a voice to a position on its map; takes effect with [`Self::update`].
     #[inline(always)]
-    pub fn move_to(&mut self, lane: usize, spot: &Spot, map: &Interpolator) {
+    pub(crate) fn move_to(&mut self, lane: usize, spot: &Spot, map: &Interpolator) {
         let [p, q] = self.orders;
         let mix = &mut self.buffers.mix;
         map.mix_into(spot, lane, &mut mix[..p + q + 2]);
@@ -139,7 +139,7 @@ impl SpectrumBank {
     }
 
     /// Computes the coefficients of all voices; an error names the lane.
-    pub fn update(&mut self) -> Result<(), (usize, ArmaError)> {
+    pub(crate) fn update(&mut self) -> Result<(), (usize, ArmaError)> {
         let Buffers { mix, coefficients } = &mut *self.buffers;
         let [p, q] = self.orders;
         let (ar, ma) = coefficients[..p + q].split_at_mut(p);
@@ -160,7 +160,7 @@ impl SpectrumBank {
     }
 
     /// Filters excitation of deviation 1, which it changes.
-    pub fn process(&mut self, excitation: &mut [Row], out: &mut [Row]) {
+    pub(crate) fn process(&mut self, excitation: &mut [Row], out: &mut [Row]) {
         match &mut self.filters {
             Filters::Plain { bank, deviation } => {
                 self.arch.dispatch(Scale { deviation: &deviation.0, excitation });
@@ -171,7 +171,7 @@ impl SpectrumBank {
     }
 
     /// Applies the high-pass to filtered frames.
-    pub fn pass_high(&mut self, frames: &mut [Row]) {
+    pub(crate) fn pass_high(&mut self, frames: &mut [Row]) {
         if let Some(highpass) = &mut self.highpass {
             highpass.process_in_place(frames);
         }

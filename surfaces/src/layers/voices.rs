@@ -49,7 +49,7 @@ impl LayerVoices {
     }
 
     /// Moves to a position on the map.
-    pub fn move_to(&mut self, spot: &Spot) {
+    pub(crate) fn move_to(&mut self, spot: &Spot) {
         for (layer, voice) in &mut self.voices {
             let components = &mut self.components[..layer.kind().components.len()];
             components.fill(0.0);

@@ -17,7 +17,7 @@ pub struct Trajectory {
 
 impl Trajectory {
     /// Speed and force at the updates of a synthesis, up to the end of the shorter signal.
-    pub fn at_updates(&self, update_hz: f64) -> UpdatePoints {
+    pub(crate) fn at_updates(&self, update_hz: f64) -> UpdatePoints {
         let samples = self.speed_m_s.len().min(self.force_n.len());
         let read = |values: &[f64]| {
             let places = update_samples(self.rate_hz, update_hz, samples);

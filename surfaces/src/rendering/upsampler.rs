@@ -66,7 +66,7 @@ impl Upsampler {
     }
 
     /// Group delay in the middle of the models' band, s.
-    pub fn group_delay_s(&self) -> f64 {
+    pub(crate) fn group_delay_s(&self) -> f64 {
         self.group_delay_s
     }
 

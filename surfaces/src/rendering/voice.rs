@@ -144,7 +144,7 @@ impl TextureVoice {
     ///
     /// # Errors
     /// A mix of models that rounding made unstable.
-    pub fn move_to(&mut self, speed_m_s: f64, force_n: f64) -> Result<(), ArmaError> {
+    pub(crate) fn move_to(&mut self, speed_m_s: f64, force_n: f64) -> Result<(), ArmaError> {
         let Self { coefficients, synthesis, .. } = self;
         let spot = self.interpolator.interpolate(speed_m_s, force_n, coefficients);
         synthesis.layers.move_to(&spot);
@@ -152,7 +152,7 @@ impl TextureVoice {
     }
 
     /// The next samples of the vibration, m/s².
-    pub fn play(&mut self, out: &mut [f64]) {
+    pub(crate) fn play(&mut self, out: &mut [f64]) {
         let mut excitation = [0.0; BATCH];
         for out in out.chunks_mut(BATCH) {
             let excitation = &mut excitation[..out.len()];

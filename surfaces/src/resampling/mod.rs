@@ -40,9 +40,6 @@ pub enum Method {
 }
 
 impl Method {
-    /// All methods.
-    pub const ALL: [Method; 3] = [Method::Zoh, Method::Hatt, Method::Spectral];
-
     /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -50,11 +47,6 @@ impl Method {
             Method::Hatt => "hatt",
             Method::Spectral => "spectral",
         }
-    }
-
-    /// The method with this name.
-    pub fn from_name(name: &str) -> Option<Method> {
-        Method::ALL.into_iter().find(|method| method.name() == name)
     }
 }
 

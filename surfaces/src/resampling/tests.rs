@@ -109,7 +109,7 @@ fn sharp_resonances_keep_their_power_when_refit() {
 #[test]
 fn what_cannot_be_resampled_is_refused_with_a_way_out() {
     let texture = tame();
-    for method in Method::ALL {
+    for method in [Method::Zoh, Method::Hatt, Method::Spectral] {
         let error = resample(&texture, 50.0, method).unwrap_err();
         assert_eq!(error, ResampleError::EmptyBand { rate_hz: 50.0 });
     }
@@ -169,7 +169,7 @@ fn the_toolkits_own_1_khz_files_come_out() {
 #[ignore = "minutes: all models of the toolkit by each method"]
 #[allow(clippy::print_stderr)]
 fn how_close_each_method_comes_on_the_toolkits_files() {
-    for method in Method::ALL {
+    for method in [Method::Zoh, Method::Hatt, Method::Spectral] {
         let mut worst: Vec<f64> = hatt_files(AT_10_KHZ)
             .iter()
             .map(|file| resample(&load(file).unwrap().texture.unwrap(), 1000.0, method).unwrap().worst.db)

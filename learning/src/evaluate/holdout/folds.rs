@@ -16,7 +16,7 @@ pub enum Split {
 
 impl Split {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Halves, Self::Quarters, Self::Takes];
+    pub(crate) const ALL: [Self; 3] = [Self::Halves, Self::Quarters, Self::Takes];
 
     /// Name in files and on the command line.
     pub fn as_str(self) -> &'static str {
@@ -28,7 +28,7 @@ impl Split {
     }
 
     /// The folds of a material's takes; empty if there are too few takes.
-    pub fn folds(self, takes: &[ProcessedRecording]) -> Vec<Fold> {
+    pub(crate) fn folds(self, takes: &[ProcessedRecording]) -> Vec<Fold> {
         let part = |take: usize, parts: &[usize], of: usize| {
             let length = takes[take].samples();
             let edge = |number: usize| number * length / of;
@@ -74,7 +74,7 @@ pub struct Part {
 
 impl Part {
     /// Each piece as a recording of its own.
-    pub fn recordings(&self) -> Result<Vec<ProcessedRecording>, RecordingError> {
+    pub(crate) fn recordings(&self) -> Result<Vec<ProcessedRecording>, RecordingError> {
         let signals = self.take.signals();
         let piece = |range: &Range<usize>| {
             let cut = |values: &[f64]| values[range.clone()].to_vec();

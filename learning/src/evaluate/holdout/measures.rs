@@ -33,7 +33,7 @@ pub struct Measures {
 }
 
 /// A test part with its training part.
-pub struct Target<'a> {
+pub(super) struct Target<'a> {
     train: &'a [ProcessedRecording],
     test: &'a [ProcessedRecording],
     rate_hz: f64,
@@ -42,19 +42,19 @@ pub struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    pub fn new(train: &'a [ProcessedRecording], test: &'a [ProcessedRecording]) -> Self {
+    pub(super) fn new(train: &'a [ProcessedRecording], test: &'a [ProcessedRecording]) -> Self {
         let rate_hz = test.first().map_or(1.0, ProcessedRecording::rate_hz);
         let bands = Bands::counted(seconds(train).min(seconds(test)), rate_hz);
         let recorded = bands.of_signal(vibrations(test), rate_hz);
         Self { train, test, rate_hz, bands, recorded }
     }
 
-    pub fn bands(&self) -> &Bands {
+    pub(super) fn bands(&self) -> &Bands {
         &self.bands
     }
 
     /// The training part compared with the test part.
-    pub fn floor(&self) -> Measures {
+    pub(super) fn floor(&self) -> Measures {
         let trained = self.bands.of_signal(vibrations(self.train), self.rate_hz);
         Measures {
             bands: BandErrors::new(&trained, &self.recorded),
@@ -66,7 +66,7 @@ impl<'a> Target<'a> {
     }
 
     /// Part of the test part's levels that force and speed do not explain, dB; mean over its pieces.
-    pub fn unexplained_level_db(&self) -> Option<f64> {
+    pub(super) fn unexplained_level_db(&self) -> Option<f64> {
         let left = self.test.iter().map(|piece| {
             let s = piece.signals();
             unexplained_level_db(&s.acceleration_m_s2, &s.speed_m_s, &s.force_normal_n, s.rate_hz)
@@ -76,7 +76,7 @@ impl<'a> Target<'a> {
 
     /// Distance of the estimator itself: between two takes of white noise with the lengths of the two parts,
     /// and between one of them and the mean over as many seeds as are used.
-    pub fn estimator_db(&self, seeds: u64) -> (f64, f64) {
+    pub(super) fn estimator_db(&self, seeds: u64) -> (f64, f64) {
         let white = |parts: &[ProcessedRecording], seed: u64| {
             let mut noise = Gaussian::new(0x5eed ^ seed);
             let pieces: Vec<Vec<f64>> =
@@ -135,7 +135,7 @@ fn play_seeds(
 }
 
 /// Renders a learned texture along the test part and measures the errors.
-pub fn measured(
+pub(super) fn measured(
     player: &Player,
     target: &Target<'_>,
     settings: &HoldoutSettings,

@@ -36,7 +36,8 @@ pub const BASELINES: [Method; 2] = [Method::OneModel, Method::Windows];
 
 impl Method {
     /// All methods, the floor first.
-    pub const ALL: [Self; 5] = [Self::Floor, Self::Default, Self::Thesis, Self::OneModel, Self::Windows];
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Floor, Self::Default, Self::Thesis, Self::OneModel, Self::Windows];
 
     /// Name in files.
     pub fn as_str(self) -> &'static str {
@@ -82,7 +83,7 @@ impl Player {
     ///
     /// # Errors
     /// [`LearnTextureError`].
-    pub fn learned(
+    pub(crate) fn learned(
         method: Method,
         parts: &[ProcessedRecording],
         usual: &TextureMethod,
@@ -107,7 +108,7 @@ impl Player {
     ///
     /// # Errors
     /// [`SynthesisError`].
-    pub fn play(&self, along: &[(&Trajectory, u64)]) -> Result<Vec<Vec<f64>>, SynthesisError> {
+    pub(crate) fn play(&self, along: &[(&Trajectory, u64)]) -> Result<Vec<Vec<f64>>, SynthesisError> {
         let settings =
             |seed: u64| SynthesisSettings { seed, lines_seed: seed, ..SynthesisSettings::default() };
         match self {

@@ -85,7 +85,7 @@ impl HoldoutError {
     }
 }
 
-/// The result of one fold, by method in the order of [`Method::ALL`].
+/// The result of one fold, by method in the order of `Method::ALL`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FoldResult {
     /// Number of the material.

@@ -27,7 +27,7 @@ pub(super) struct Moments {
 }
 
 impl Moments {
-    pub fn of(seen: &[Observation]) -> Self {
+    pub(super) fn of(seen: &[Observation]) -> Self {
         let centred = |value: fn(&Observation) -> f64| {
             let logs: Vec<f64> = seen.iter().map(|at| value(at).ln()).collect();
             let middle = mean(&logs);

@@ -12,7 +12,7 @@ pub struct Summary {
     pub lsd_db: Mean,
     /// Absolute error of the power, dB.
     pub power_db: Mean,
-    /// Share of a texture's models whose power error exceeds [`Self::BEYOND_DB`].
+    /// Share of a texture's models whose power error exceeds `BEYOND_DB`.
     pub beyond: Mean,
     /// The same share over all models together.
     pub beyond_of_models: f64,
@@ -24,7 +24,7 @@ pub struct Summary {
 
 impl Summary {
     /// Threshold of the power error, dB.
-    pub const BEYOND_DB: f64 = 6.0;
+    pub(crate) const BEYOND_DB: f64 = 6.0;
 
     /// Summary of one kind of map over the predictions selected by `count`; `None` if there are none.
     pub fn of(predictions: &[Prediction], map: MapKind, count: impl Fn(&Prediction) -> bool) -> Option<Self> {

@@ -44,7 +44,7 @@ pub(in super::super) struct FoundLine {
 
 impl FoundLine {
     /// Power at a speed and force, (m/s²)²: 0 at rest; below the lightest force the amplitude falls linearly.
-    pub fn power_at(&self, speed_m_s: f64, force_n: f64) -> f64 {
+    pub(crate) fn power_at(&self, speed_m_s: f64, force_n: f64) -> f64 {
         if speed_m_s <= 0.0 || force_n <= 0.0 {
             return 0.0;
         }
@@ -57,7 +57,7 @@ impl FoundLine {
     }
 
     /// Distance of a cell: at least [`MIN_CYCLES`] cycles.
-    pub fn cell_m(&self) -> f64 {
+    pub(crate) fn cell_m(&self) -> f64 {
         cell_m(self.cycles_per_m)
     }
 }

@@ -11,7 +11,7 @@ pub(super) struct LongSum {
 impl LongSum {
     /// Adds `term` and keeps what rounding drops (Knuth's two-sum).
     #[inline]
-    pub fn add(&mut self, term: f64) {
+    pub(super) fn add(&mut self, term: f64) {
         let sum = self.high + term;
         let back = sum - self.high;
         self.low += (self.high - (sum - back)) + (term - back);
@@ -32,7 +32,7 @@ pub(super) struct Moments<'a> {
 }
 
 impl<'a> Moments<'a> {
-    pub fn new(signal: &'a [f64], order: usize, step: usize) -> Self {
+    pub(super) fn new(signal: &'a [f64], order: usize, step: usize) -> Self {
         let points = signal.len() / step + 1;
         let mut stored = Vec::with_capacity(points * (order + 1));
         let mut sums = vec![LongSum::default(); order + 1];
@@ -45,7 +45,7 @@ impl<'a> Moments<'a> {
     }
 
     /// The sums up to `position` (at most the signal's length), one a lag.
-    pub fn up_to(&self, position: usize, sums: &mut [LongSum]) {
+    pub(super) fn up_to(&self, position: usize, sums: &mut [LongSum]) {
         let point = position / self.step;
         let lags = self.order + 1;
         sums.copy_from_slice(&self.stored[point * lags..(point + 1) * lags]);
@@ -53,7 +53,7 @@ impl<'a> Moments<'a> {
     }
 
     /// Sample `position`, zero outside the signal.
-    pub fn sample(&self, position: isize) -> f64 {
+    pub(super) fn sample(&self, position: isize) -> f64 {
         usize::try_from(position).ok().and_then(|position| self.signal.get(position)).copied().unwrap_or(0.0)
     }
 }

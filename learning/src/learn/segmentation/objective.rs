@@ -25,7 +25,7 @@ pub(super) struct Rated {
 }
 
 impl<'a, E: Estimator> Objective<'a, E> {
-    pub fn new(moments: &'a Moments<'a>, settings: &SegmentationSettings) -> Self {
+    pub(super) fn new(moments: &'a Moments<'a>, settings: &SegmentationSettings) -> Self {
         let samples = moments.signal.len() as f64;
         let mean_square = moments.signal.iter().map(|x| x * x).sum::<f64>() / samples;
         Self {
@@ -38,32 +38,36 @@ impl<'a, E: Estimator> Objective<'a, E> {
         }
     }
 
-    pub fn samples(&self) -> usize {
+    pub(super) fn samples(&self) -> usize {
         self.moments.signal.len()
     }
 
     /// The highest order that a segment of `span` samples may have.
-    pub fn highest_order(&self, span: usize) -> usize {
+    pub(super) fn highest_order(&self, span: usize) -> usize {
         self.moments.order.min(span / 2)
     }
 
     /// Cost of a segment of `span` samples besides its likelihood.
-    pub fn penalty(&self, order: usize, span: usize) -> f64 {
+    pub(super) fn penalty(&self, order: usize, span: usize) -> f64 {
         self.ln_samples + (order as f64).ln() + (order as f64 + 2.0) / 2.0 * (span as f64).ln()
     }
 
     /// Cost of the number of breaks.
-    pub fn break_penalty(breaks: usize) -> f64 {
+    pub(super) fn break_penalty(breaks: usize) -> f64 {
         (breaks.max(1) as f64).ln()
     }
 
     /// The likelihood term of a segment.
-    pub fn surprise(&self, variance: f64, span: usize) -> f64 {
+    pub(super) fn surprise(&self, variance: f64, span: usize) -> f64 {
         span as f64 / 2.0 * (TAU * (variance + self.floor)).ln()
     }
 
     /// Innovation variances at orders 0, 1, ... of segments (first sample, end), as `visit(segment number, variances)`.
-    pub fn variances(&mut self, segments: &[(usize, usize)], mut visit: impl FnMut(&Self, usize, &[f64])) {
+    pub(super) fn variances(
+        &mut self,
+        segments: &[(usize, usize)],
+        mut visit: impl FnMut(&Self, usize, &[f64]),
+    ) {
         let order = self.moments.order;
         let size = end_size(order);
         let mut starts = vec![Lanes::default(); size];
@@ -96,7 +100,7 @@ impl<'a, E: Estimator> Objective<'a, E> {
     }
 
     /// Every segment at its best order.
-    pub fn rated(&mut self, segments: &[(usize, usize)]) -> Vec<Rated> {
+    pub(super) fn rated(&mut self, segments: &[(usize, usize)]) -> Vec<Rated> {
         let mut rated = Vec::with_capacity(segments.len());
         self.variances(segments, |this, i, variances| {
             let span = segments[i].1 - segments[i].0;
@@ -114,7 +118,7 @@ impl<'a, E: Estimator> Objective<'a, E> {
     }
 
     /// The segmentation with these breaks, every segment at its best order.
-    pub fn rate(&mut self, breaks: Vec<usize>) -> Segmentation {
+    pub(super) fn rate(&mut self, breaks: Vec<usize>) -> Segmentation {
         let starts = std::iter::once(0).chain(breaks.iter().copied());
         let ends = breaks.iter().copied().chain(std::iter::once(self.samples()));
         let rated = self.rated(&starts.zip(ends).collect::<Vec<_>>());

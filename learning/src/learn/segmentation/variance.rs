@@ -17,7 +17,7 @@ pub(super) struct Lanes(pub [f64; LANES]);
 
 impl Lanes {
     #[inline(always)]
-    pub fn splat(value: f64) -> Self {
+    pub(super) fn splat(value: f64) -> Self {
         Self([value; LANES])
     }
 
@@ -62,7 +62,7 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    pub fn new(order: usize) -> Self {
+    pub(super) fn new(order: usize) -> Self {
         Self {
             lagged: vec![Lanes::default(); 5 * (order + 2)],
             square: vec![Lanes::default(); (order + 1) * (order + 2) / 2],

@@ -27,7 +27,7 @@ enum Origin {
 
 impl Clock {
     /// A cell in seconds; `None` if it does not hold a time of the same kind as the first.
-    pub fn seconds(&mut self, cell: &[u8], scale: Scale) -> Option<f64> {
+    pub(super) fn seconds(&mut self, cell: &[u8], scale: Scale) -> Option<f64> {
         let origin = match self.origin {
             Some(origin) => origin,
             None => *self.origin.insert(origin_of(cell)?),
@@ -43,12 +43,12 @@ impl Clock {
     }
 
     /// True if the times are dates, which have no unit.
-    pub fn is_calendar(&self) -> bool {
+    pub(super) fn is_calendar(&self) -> bool {
         matches!(self.origin, Some(Origin::Second(_)))
     }
 
     /// Offset that was subtracted from all times, s.
-    pub fn origin_s(&self, scale: Scale) -> f64 {
+    pub(super) fn origin_s(&self, scale: Scale) -> f64 {
         match self.origin {
             None | Some(Origin::Zero) => 0.0,
             Some(Origin::Unit(first)) => scale.si(first as f64),

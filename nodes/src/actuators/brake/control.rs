@@ -107,7 +107,7 @@ impl Brake {
     }
 
     /// Computes one tick: the current for a requested coefficient of friction. If a measurement is not finite the current is zero.
-    pub fn update(&mut self, wanted: f64, dragging: &Dragging) -> BrakeCommand {
+    pub(crate) fn update(&mut self, wanted: f64, dragging: &Dragging) -> BrakeCommand {
         let usable = [wanted, dragging.normal_n, dragging.friction_n, dragging.speed_m_s]
             .iter()
             .all(|x| x.is_finite());
@@ -122,12 +122,12 @@ impl Brake {
     }
 
     /// The settings, which may change from tick to tick; those of the coil have no effect after the start.
-    pub fn settings_mut(&mut self) -> &mut BrakeSettings {
+    pub(crate) fn settings_mut(&mut self) -> &mut BrakeSettings {
         &mut self.settings
     }
 
     /// The coil.
-    pub fn coil(&self) -> &CoilThermal {
+    pub(crate) fn coil(&self) -> &CoilThermal {
         &self.coil
     }
 

@@ -3,11 +3,9 @@
 /// Largest continuous current, A.
 pub const MAX_CURRENT_A: f64 = 0.3;
 /// Friction of the free pen with the plunger's weight on the ball: the smallest measured.
-pub const LEAST_FRICTION: f64 = 0.20;
+pub(crate) const LEAST_FRICTION: f64 = 0.20;
 /// Largest measured friction.
-pub const MAX_FRICTION: f64 = 0.52;
-/// Magnetic permeability of free space, V s/(A m).
-const PERMEABILITY: f64 = 4e-7 * std::f64::consts::PI;
+pub(crate) const MAX_FRICTION: f64 = 0.52;
 
 /// Constants of a pen's brake, as measured on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,13 +26,13 @@ impl Solenoid {
         Self { line_slope: 2.92, line_offset: -0.56, force_n_per_a2: 27.8, plunger_n: 0.042 };
 
     /// Plunger force by normal force for an effective friction, as measured on the pen. Eq. 5.5.12
-    pub fn experimental_phi(&self, mu: f64) -> f64 {
+    pub(crate) fn experimental_phi(&self, mu: f64) -> f64 {
         self.line_slope * mu + self.line_offset
     }
 
     /// The smallest and the largest friction on the experimental line: no force on the plunger, and as much as presses the
     /// pen itself. Eq. 5.5.12
-    pub fn friction_range(&self) -> [f64; 2] {
+    pub(crate) fn friction_range(&self) -> [f64; 2] {
         [0.0, 1.0].map(|phi| (phi - self.line_offset) / self.line_slope)
     }
 
@@ -44,7 +42,7 @@ impl Solenoid {
     }
 
     /// Plunger force at a current, N.
-    pub fn plunger_n(&self, current_a: f64) -> f64 {
+    pub(crate) fn plunger_n(&self, current_a: f64) -> f64 {
         self.force_n_per_a2 * current_a * current_a + self.plunger_n
     }
 
@@ -62,22 +60,24 @@ impl Solenoid {
     }
 }
 
-/// Field at the open end of a coil, T. Eq. 5.5.6
-pub fn field_t(current_a: f64, turns_per_m: f64, length_m: f64, radius_m: f64) -> f64 {
-    0.5 * PERMEABILITY * current_a * turns_per_m * length_m / length_m.hypot(radius_m)
-}
-
-/// Holding force of a plunger that fills the coil, N. Eq. 5.5.7, 5.5.8
-pub fn holding_force_n(field_t: f64, radius_m: f64, relative_permeability: f64) -> f64 {
-    let area_m2 = std::f64::consts::PI * radius_m * radius_m;
-    area_m2 * field_t * field_t / (2.0 * PERMEABILITY) * (relative_permeability - 1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const PEN: Solenoid = Solenoid::THESIS;
+    /// Magnetic permeability of free space, V s/(A m).
+    const PERMEABILITY: f64 = 4e-7 * std::f64::consts::PI;
+
+    /// Field at the open end of a coil, T. Eq. 5.5.6
+    fn field_t(current_a: f64, turns_per_m: f64, length_m: f64, radius_m: f64) -> f64 {
+        0.5 * PERMEABILITY * current_a * turns_per_m * length_m / length_m.hypot(radius_m)
+    }
+
+    /// Holding force of a plunger that fills the coil, N. Eq. 5.5.7, 5.5.8
+    fn holding_force_n(field_t: f64, radius_m: f64, relative_permeability: f64) -> f64 {
+        let area_m2 = std::f64::consts::PI * radius_m * radius_m;
+        area_m2 * field_t * field_t / (2.0 * PERMEABILITY) * (relative_permeability - 1.0)
+    }
 
     fn close(a: f64, b: f64, within: f64) {
         assert!((a - b).abs() < within, "{a} is not {b}");

@@ -82,35 +82,28 @@ impl CoilThermal {
     }
 
     /// Resistance of the coil now, ohm.
-    pub fn resistance_ohm(&self) -> f64 {
+    pub(crate) fn resistance_ohm(&self) -> f64 {
         self.settings.resistance_ohm * (1.0 + self.settings.rise_per_k * self.coil_k)
     }
 
     /// Temperature of the coil, degrees Celsius.
-    pub fn coil_c(&self) -> f64 {
+    pub(crate) fn coil_c(&self) -> f64 {
         self.settings.ambient_c + self.coil_k
     }
 
-    /// Temperature of the heat sink, which a hand can touch, degrees Celsius.
-    pub fn sink_c(&self) -> f64 {
-        self.settings.ambient_c + self.sink_k
-    }
-
     /// True if the coil has tripped and must have no current.
-    pub fn is_tripped(&self) -> bool {
+    pub(crate) fn is_tripped(&self) -> bool {
         self.tripped
-    }
-
-    /// The coil's temperature from a measured resistance, degrees Celsius. Eq. 5.5.9
-    pub fn coil_c_from(&self, resistance_ohm: f64) -> f64 {
-        let s = &self.settings;
-        s.ambient_c + (resistance_ohm - s.resistance_ohm) / (s.rise_per_k * s.resistance_ohm)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn sink_c(coil: &CoilThermal) -> f64 {
+        coil.settings.ambient_c + coil.sink_k
+    }
 
     fn after(current_a: f64, seconds: u32) -> CoilThermal {
         let mut coil = CoilThermal::new(CoilSettings { trip_c: 1e3, ..CoilSettings::default() });
@@ -124,13 +117,17 @@ mod tests {
             CoilThermal::new(CoilSettings { rise_per_k: 0.0, trip_c: 1e3, ..CoilSettings::default() });
         (0..100_000).for_each(|_| coil.advance((4.0_f64 / 44.4).sqrt(), 0.1));
         assert!((coil.coil_c() - 120.0).abs() < 0.01, "{}", coil.coil_c());
-        assert!((coil.sink_c() - 88.0).abs() < 0.01);
+        assert!((sink_c(&coil) - 88.0).abs() < 0.01);
     }
 
     #[test]
     fn the_resistance_tells_the_temperature_and_rises_by_38_6_percent_over_100_degrees() {
         let coil = after(0.25, 480);
-        assert!((coil.coil_c_from(coil.resistance_ohm()) - coil.coil_c()).abs() < 1e-9);
+        // Eq. 5.5.9
+        let s = &coil.settings;
+        let coil_c =
+            s.ambient_c + (coil.resistance_ohm() - s.resistance_ohm) / (s.rise_per_k * s.resistance_ohm);
+        assert!((coil_c - coil.coil_c()).abs() < 1e-9);
         let hot = CoilThermal { coil_k: 100.0, ..after(0.0, 1) };
         assert!((hot.resistance_ohm() / 44.4 - 1.386).abs() < 1e-12);
         let watts = 0.09 * hot.resistance_ohm();
@@ -153,10 +150,10 @@ mod tests {
         for _ in 0..200_000 {
             put_in_j += 0.04 * coil.resistance_ohm() * 1e-3;
             coil.advance(0.2, 1e-3);
-            given_j += (coil.sink_c() - 25.0) / settings.sink_to_air_k_per_w * 1e-3;
+            given_j += (sink_c(&coil) - 25.0) / settings.sink_to_air_k_per_w * 1e-3;
         }
         let stored_j =
-            settings.coil_j_per_k * (coil.coil_c() - 25.0) + settings.sink_j_per_k * (coil.sink_c() - 25.0);
+            settings.coil_j_per_k * (coil.coil_c() - 25.0) + settings.sink_j_per_k * (sink_c(&coil) - 25.0);
         assert!((put_in_j - given_j - stored_j).abs() < 1e-6 * put_in_j);
     }
 

@@ -13,7 +13,7 @@ use crate::vector::{Vec3, add_scaled, distance, dot, norm, reject, sub};
 const ALONG: f64 = 1e-9;
 
 /// Nodes of the hierarchy visited for a hit, and as many for a miss.
-pub const HIERARCHY_VISITS: usize = 2048;
+pub(super) const HIERARCHY_VISITS: usize = 2048;
 
 /// The point where a line enters a convex mesh, or its nearest point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,7 +51,7 @@ struct Place {
 
 impl TriangleMesh {
     /// Finds the point where a line along a unit vector enters a convex mesh, or the nearest of its points. Allocates
-    /// nothing, and visits at most [`TriangleMesh::most_visits`].
+    /// nothing, and visits at most twice `HIERARCHY_VISITS` and twice the triangles.
     pub fn meet_line(&self, foot_m: Vec3, along: Vec3) -> LineMeeting {
         // Relative to the line's point nearest to the mesh's middle, numbers are smallest.
         let foot_m = add_scaled(foot_m, along, dot(sub(self.centre_m, foot_m), along));
@@ -63,11 +63,6 @@ impl TriangleMesh {
         let beside = self.beside_by_hierarchy(&mut line);
         let beside = beside.unwrap_or_else(|| self.beside(&mut line));
         line.meeting(&beside)
-    }
-
-    /// Largest number of nodes and triangles that [`TriangleMesh::meet_line`] visits: 4096 and twice the triangles.
-    pub fn most_visits(&self) -> usize {
-        2 * HIERARCHY_VISITS + 2 * self.triangles.len()
     }
 
     /// The point where the line enters, if it does; `None` if the hierarchy takes too many visits.

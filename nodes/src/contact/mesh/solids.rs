@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 impl TriangleMesh {
     /// A box with its edges along the axes.
-    pub fn cuboid(size_m: Vec3) -> Result<Self, MeshError> {
+    pub(crate) fn cuboid(size_m: Vec3) -> Result<Self, MeshError> {
         let corner = |i: u32| -> Vec3 {
             std::array::from_fn(
                 |axis| {
@@ -24,7 +24,7 @@ impl TriangleMesh {
     }
 
     /// A cylinder standing on the z axis, its mantle of flat strips.
-    pub fn cylinder(radius_m: f64, height_m: f64, strips: u32) -> Result<Self, MeshError> {
+    pub(crate) fn cylinder(radius_m: f64, height_m: f64, strips: u32) -> Result<Self, MeshError> {
         let strips = strips.max(3);
         let ring = |z: f64| {
             (0..strips).map(move |k| {
@@ -51,7 +51,7 @@ impl TriangleMesh {
 
     /// A sphere as an icosahedron whose triangles are split in four, `splits` times (20 x 4^splits triangles, at most
     /// 8 splits).
-    pub fn sphere(radius_m: f64, splits: u32) -> Result<Self, MeshError> {
+    pub(crate) fn sphere(radius_m: f64, splits: u32) -> Result<Self, MeshError> {
         let (mut corners, mut triangles) = icosahedron();
         for _ in 0..splits.min(8) {
             let mut middles: HashMap<(u32, u32), u32> = HashMap::new();

@@ -14,7 +14,7 @@ use haptograph_signal::filter::DesignError;
 
 /// Leash that gives a still pen zero speed: behind a 20 Hz filter five to six standard deviations of a Nano17's
 /// noise.
-pub const LEASH: f64 = 1.2;
+pub(crate) const LEASH: f64 = 1.2;
 
 /// Time in which the followed point drifts to the middle of the jitter, s, so that the leash need not pull it there.
 const DRIFT_S: f64 = 0.8;
@@ -24,7 +24,7 @@ const LEAP_M: f64 = 0.1;
 
 /// Follows one contact. Allocates only when made.
 #[derive(Debug, Clone)]
-pub struct SurfacePath {
+pub(crate) struct SurfacePath {
     estimator: SpeedEstimator<2>,
     /// Length of the leash as a multiple of the point's uncertainty.
     leash: f64,
@@ -47,7 +47,7 @@ struct At {
 
 impl SurfacePath {
     /// A path of contacts sampled at `rate_hz`, on a leash of a multiple of the point's uncertainty ([`LEASH`]).
-    pub fn new(filter: SpeedFilter, leash: f64, rate_hz: f64) -> Result<Self, DesignError> {
+    pub(crate) fn new(filter: SpeedFilter, leash: f64, rate_hz: f64) -> Result<Self, DesignError> {
         Ok(Self {
             estimator: SpeedEstimator::new(filter, rate_hz)?,
             leash: leash.max(0.0),
@@ -58,12 +58,12 @@ impl SurfacePath {
     }
 
     /// Tunes the speed's filter to another cut-off, as [`SpeedEstimator::turn`].
-    pub fn turn(&mut self, frequency: f64) {
+    pub(crate) fn turn(&mut self, frequency: f64) {
         self.estimator.turn(frequency);
     }
 
     /// Sets the length of the leash, as a multiple of the point's uncertainty.
-    pub fn set_leash(&mut self, leash: f64) {
+    pub(crate) fn set_leash(&mut self, leash: f64) {
         let leash = leash.max(0.0);
         // On a shorter leash the followed point comes nearer without a way: a pen that rests stays without speed.
         if let Some(at) = self.at.as_mut().filter(|_| leash < self.leash) {
@@ -73,13 +73,13 @@ impl SurfacePath {
     }
 
     /// Takes over the state of another path.
-    pub fn copy_state_from(&mut self, other: &Self) {
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.estimator.copy_state_from(&other.estimator);
         (self.at, self.way_m) = (other.at, other.way_m);
     }
 
     /// Advances one tick: the velocity along the surface in its tangent plane, m/s; zero in free space.
-    pub fn update(&mut self, contact: &WrenchContact) -> Vec3 {
+    pub(crate) fn update(&mut self, contact: &WrenchContact) -> Vec3 {
         if !contact.touching {
             self.at = None;
             self.estimator.lift();
@@ -113,18 +113,13 @@ impl SurfacePath {
         add_scaled(scale(at.frame[0], u), at.frame[1], v)
     }
 
-    /// The latest speed, m/s.
-    pub fn speed_m_s(&self) -> f64 {
-        self.estimator.speed_m_s()
-    }
-
     /// Delay of slow changes of speed, s.
-    pub fn delay_s(&self) -> f64 {
+    pub(crate) fn delay_s(&self) -> f64 {
         self.estimator.delay_s()
     }
 
     /// Length of the path so far, m.
-    pub fn way_m(&self) -> f64 {
+    pub(crate) fn way_m(&self) -> f64 {
         self.way_m
     }
 }
@@ -200,8 +195,12 @@ mod tests {
         for k in 0..500 {
             let velocity = path.update(&over_the_edge(f64::from(k) * 5e-5));
             if k > 150 {
-                assert!((path.speed_m_s() - 0.05).abs() < 2e-4, "tick {k}: {} m/s", path.speed_m_s());
-                assert!((norm(velocity) - path.speed_m_s()).abs() < 1e-12);
+                assert!(
+                    (path.estimator.speed_m_s() - 0.05).abs() < 2e-4,
+                    "tick {k}: {} m/s",
+                    path.estimator.speed_m_s()
+                );
+                assert!((norm(velocity) - path.estimator.speed_m_s()).abs() < 1e-12);
             }
         }
         assert!((path.way_m() - 499.0 * 5e-5).abs() < 1e-9);
@@ -232,12 +231,12 @@ mod tests {
         for k in 0..2000 {
             let jitter = 4e-5 * (f64::from(k) * 0.7).sin();
             path.update(&contact([jitter, -jitter, 0.0], [0.0, 0.0, 1.0]));
-            assert!(path.speed_m_s() < 3e-4, "{}", path.speed_m_s());
+            assert!(path.estimator.speed_m_s() < 3e-4, "{}", path.estimator.speed_m_s());
         }
         for k in 0..500 {
             path.update(&contact([f64::from(k) * 4e-5, 0.0, 0.0], [0.0, 0.0, 1.0]));
         }
-        assert!((path.speed_m_s() - 0.04).abs() < 1e-5);
+        assert!((path.estimator.speed_m_s() - 0.04).abs() < 1e-5);
     }
 
     #[test]
@@ -247,7 +246,7 @@ mod tests {
             (0..ticks).for_each(|_| {
                 path.update(&contact([4e-4, 0.0, 0.0], [0.0, 0.0, 1.0]));
             });
-            path.speed_m_s()
+            path.estimator.speed_m_s()
         };
         path.update(&contact([0.0; 3], [0.0, 0.0, 1.0]));
         let before_m_s = rests(&mut path, 300);

@@ -127,7 +127,7 @@ fn the_intended_path_has_no_jumps_over_a_whole_round() {
     ]);
     let script = Script::new(&settings, 500.0, 3).unwrap();
     let mut previous = script.at(0.0);
-    for k in 1..(2.0 * script.period_s() / 1e-4) as u32 {
+    for k in 1..(2.0 * script.period_s / 1e-4) as u32 {
         let next = script.at(f64::from(k) * 1e-4);
         assert!(norm(sub(next.position_m, previous.position_m)) < 1e-4 * 0.6, "at {}", f64::from(k) * 1e-4);
         previous = next;

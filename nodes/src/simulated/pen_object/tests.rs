@@ -3,6 +3,7 @@ use super::*;
 use crate::actuators::brake::{Brake, BrakeSettings, Dragging, Reach};
 use crate::contact::wrench::{LEASH, SurfacePath, WrenchContact, WrenchLocator, WrenchSettings};
 use crate::sensing::speed::SpeedFilter;
+use crate::vector::distance;
 
 const FILTER: SpeedFilter = SpeedFilter::Butterworth { order: 2, cutoff_hz: 20.0 };
 
@@ -24,7 +25,7 @@ impl Watch {
     fn new(settings: &PenObjectSettings, threshold_n: f64, seed: u64) -> Self {
         let device = PenObject::new(settings, seed).unwrap();
         let wrench = WrenchSettings { threshold_n, ..WrenchSettings::default() };
-        let locator = WrenchLocator::new(device.object().clone(), wrench).unwrap();
+        let locator = WrenchLocator::new(device.object.clone(), wrench).unwrap();
         Self { device, locator, path: SurfacePath::new(FILTER, LEASH, 1000.0).unwrap() }
     }
 
@@ -32,10 +33,10 @@ impl Watch {
     fn tick(&mut self, brake_a: f64, haptuator_a: f64) -> (WrenchContact, f64, PenTruth) {
         let reading = self.device.read();
         let located = self.locator.update(reading.force_n, reading.torque_n_m);
-        self.path.update(&located);
+        let speed_m_s = norm(self.path.update(&located));
         let truth = self.device.truth();
         self.device.advance(brake_a, haptuator_a);
-        (located, self.path.speed_m_s(), truth)
+        (located, speed_m_s, truth)
     }
 }
 
@@ -129,7 +130,7 @@ fn the_speed_is_the_hands_over_edges_too() {
         let (located, speed_m_s, truth) = watch.tick(0.0, 0.0);
         truths.push(norm(truth.velocity_m_s));
         if tick > 1500 && located.touching {
-            faces.insert(watch.locator.object().normal(located.face).map(|x| x.round() as i32));
+            faces.insert(watch.device.object.normal(located.face).map(|x| x.round() as i32));
             pairs.push((speed_m_s, truths[tick - 22]));
         }
     }

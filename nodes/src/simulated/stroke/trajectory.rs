@@ -10,7 +10,7 @@ const COLUMNS: [&str; 4] = ["time_s", "x_mm", "y_mm", "force_n"];
 
 /// A path of the tip: positions and forces at increasing times, joined by cubic splines (Catmull and Rom).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Trajectory {
+pub(crate) struct Trajectory {
     time_s: Vec<f64>,
     /// x and y in m, force in N.
     values: Vec<[f64; 3]>,
@@ -18,7 +18,7 @@ pub struct Trajectory {
 
 /// Error of a recorded path.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum TrajectoryError {
+pub(crate) enum TrajectoryError {
     /// Fewer than two points.
     #[error("a trajectory needs at least two points, this one has {points}")]
     TooShort {
@@ -40,7 +40,7 @@ pub enum TrajectoryError {
 
 impl Trajectory {
     /// A path through points of (time in s, x in m, y in m, force in N); the first time is taken as zero.
-    pub fn new(points: &[[f64; 4]]) -> Result<Self, TrajectoryError> {
+    pub(crate) fn new(points: &[[f64; 4]]) -> Result<Self, TrajectoryError> {
         if points.len() < 2 {
             return Err(TrajectoryError::TooShort { points: points.len() });
         }
@@ -64,7 +64,7 @@ impl Trajectory {
     }
 
     /// Reads a CSV table with a header that holds `time_s`, `x_mm`, `y_mm` and `force_n`, in any order.
-    pub fn from_csv(source: impl std::io::Read) -> Result<Self, TrajectoryError> {
+    pub(crate) fn from_csv(source: impl std::io::Read) -> Result<Self, TrajectoryError> {
         let mut table = CsvTable::new(BufReader::new(source), &COLUMNS)?;
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
@@ -84,13 +84,8 @@ impl Trajectory {
         Self::new(&points)
     }
 
-    /// Time from the first to the last point, s.
-    pub fn duration_s(&self) -> f64 {
-        self.time_s.last().copied().unwrap_or(0.0)
-    }
-
     /// The path at a time; before it the first point, after it the last one, lifted.
-    pub fn at(&self, time_s: f64) -> StrokePoint {
+    pub(crate) fn at(&self, time_s: f64) -> StrokePoint {
         let last = self.values.len() - 1;
         let next = self.time_s.partition_point(|&t| t <= time_s);
         let [x, y, force_n] = match next {

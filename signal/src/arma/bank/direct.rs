@@ -74,11 +74,6 @@ impl Group for DirectGroup {
             }
         }
     }
-
-    fn reset(&mut self) {
-        self.e.fill([0.0; LANES]);
-        self.y.fill([0.0; LANES]);
-    }
 }
 
 /// Puts new coefficients in the place of `old` ones in a lane.

@@ -58,10 +58,6 @@ impl Group for LatticeGroup {
             }
         }
     }
-
-    fn reset(&mut self) {
-        self.backward.fill([0.0; LANES]);
-    }
 }
 
 impl LatticeGroup {

@@ -87,12 +87,6 @@ impl Group for WarpedGroup {
             }
         }
     }
-
-    fn reset(&mut self) {
-        for stage in &mut self.stages {
-            stage.state = [[0.0; LANES]];
-        }
-    }
 }
 
 impl WarpedGroup {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::arma::MAX_ORDER;
 use crate::noise::Gaussian;
 use crate::prediction::tests::reflection_to_ar;
 use crate::warped::{power_gain, warp};
@@ -146,7 +147,7 @@ fn the_power_is_the_one_asked_for_in_a_thousand_models() {
         let l = [0.0, 0.5, 0.8, 0.9][round % 4];
         let ar = tame(&draw.reflection(order, 0.9));
         let mut lattice = WarpedLattice::new();
-        lattice.set_power(&ar, l, 3.0).unwrap();
+        lattice.set_coefficients(&ar, l, (3.0 / power_gain(&ar, l).unwrap()).sqrt()).unwrap();
         // The power of the impulse response is that of the output under white noise.
         let mut e = vec![0.0; 10_000];
         e[0] = 1.0;

@@ -32,14 +32,14 @@ enum Item {
 const COMMENTS: (usize, usize) = (4, 4096);
 
 impl<'a> Cursor<'a> {
-    pub fn new(text: &'a str) -> Self {
+    pub(crate) fn new(text: &'a str) -> Self {
         let mut reader = Reader::from_str(text);
         reader.config_mut().expand_empty_elements = true;
         Cursor { text, reader, comments: Vec::new() }
     }
 
     /// The current location.
-    pub fn place(&self) -> Place {
+    pub(crate) fn place(&self) -> Place {
         let position = self.reader.buffer_position().max(self.reader.error_position());
         let mut position = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
         while !self.text.is_char_boundary(position) {
@@ -49,12 +49,12 @@ impl<'a> Cursor<'a> {
     }
 
     /// Comments so far.
-    pub fn comments(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn comments(&self) -> impl Iterator<Item = &str> {
         self.comments.iter().map(String::as_str)
     }
 
     /// The root element.
-    pub fn root(&mut self) -> Result<Element, HattProblem> {
+    pub(crate) fn root(&mut self) -> Result<Element, HattProblem> {
         loop {
             match self.item()? {
                 Item::Begin(element) => return Ok(element),
@@ -65,7 +65,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// The next element within `parent`; `None` at its end.
-    pub fn child(&mut self, parent: &str) -> Result<Option<Element>, HattProblem> {
+    pub(crate) fn child(&mut self, parent: &str) -> Result<Option<Element>, HattProblem> {
         loop {
             match self.item()? {
                 Item::Begin(element) => return Ok(Some(element)),
@@ -82,7 +82,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// The text of the element `name`, to its end; it may have no elements inside.
-    pub fn text(&mut self, name: &str) -> Result<String, HattProblem> {
+    pub(crate) fn text(&mut self, name: &str) -> Result<String, HattProblem> {
         let mut whole = String::new();
         loop {
             match self.item()? {
@@ -101,19 +101,19 @@ impl<'a> Cursor<'a> {
     }
 
     /// The number in the element `name`.
-    pub fn number(&mut self, name: &str) -> Result<f64, HattProblem> {
+    pub(crate) fn number(&mut self, name: &str) -> Result<f64, HattProblem> {
         let text = self.text(name)?;
         text.trim().parse().map_err(|_| not_a_number(name, &text))
     }
 
     /// The number in the element `name`, in mm/s or mm, as one in m/s or m.
-    pub fn thousandth(&mut self, name: &str) -> Result<f64, HattProblem> {
+    pub(crate) fn thousandth(&mut self, name: &str) -> Result<f64, HattProblem> {
         let text = self.text(name)?;
         decimal::parse_thousandth(&text).ok_or_else(|| not_a_number(name, &text))
     }
 
     /// The `<value>`s of the list `name`, at most `most`, each read by `read`.
-    pub fn values(
+    pub(crate) fn values(
         &mut self,
         name: &'static str,
         most: usize,
@@ -134,7 +134,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Checks that nothing follows the root element.
-    pub fn end(&mut self) -> Result<(), HattProblem> {
+    pub(crate) fn end(&mut self) -> Result<(), HattProblem> {
         loop {
             match self.item()? {
                 Item::Eof => return Ok(()),

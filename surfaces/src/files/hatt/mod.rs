@@ -23,9 +23,9 @@ use super::{Problem, ReadError};
 use crate::{Origin, Provenance, Surface};
 
 /// The rate of the toolkit's taps, Hz.
-pub const TAP_RATE_HZ: f64 = 1000.0;
+pub(crate) const TAP_RATE_HZ: f64 = 1000.0;
 /// Samples of each of the toolkit's taps.
-pub const TAP_SAMPLES: usize = 100;
+pub(crate) const TAP_SAMPLES: usize = 100;
 
 /// Fields of a model file that only the toolkit needs; they are stored in the settings of the provenance.
 const KEPT: [&str; 5] = ["htmlPicture", "htmlLinuxPicture", "renderPicture", "DTpicture", "LinuxDTpicture"];

@@ -204,7 +204,7 @@ pub(super) enum KindDocument {
 }
 
 /// A list of limited length, so that a hostile file cannot exhaust memory.
-pub struct Bounded<T, const MAX: usize>(pub Vec<T>);
+pub(crate) struct Bounded<T, const MAX: usize>(pub Vec<T>);
 
 impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T, MAX> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -262,15 +262,15 @@ impl<'de> Deserialize<'de> for Settings {
 }
 
 /// A number that the file has in 10^`PLACES` of the SI unit, converted exactly to SI.
-pub struct Scaled<const PLACES: i32> {
+pub(crate) struct Scaled<const PLACES: i32> {
     /// The number in SI.
     pub si: f64,
 }
 
 /// A number in mm/s or ms.
-pub type Thousandths = Scaled<-3>;
+pub(crate) type Thousandths = Scaled<-3>;
 /// A number per millimetre.
-pub type PerMm = Scaled<3>;
+pub(crate) type PerMm = Scaled<3>;
 
 impl<'de, const PLACES: i32> Deserialize<'de> for Scaled<PLACES> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {

@@ -57,7 +57,7 @@ pub use write::write;
 pub(crate) use write::write_numbers;
 
 /// The version of the format, in each file's `format` field.
-pub const FORMAT: u64 = 1;
+pub(crate) const FORMAT: u64 = 1;
 
 #[cfg(test)]
 mod tests;

@@ -16,7 +16,7 @@ use std::ops::{ControlFlow, Range};
 const BLOCKS_PER_REPORT: usize = 256;
 
 /// Voices during synthesis.
-pub struct Group<'a> {
+pub(super) struct Group<'a> {
     lanes: Vec<Lane<'a>>,
     /// One per texture.
     interpolators: Vec<Interpolator>,
@@ -99,7 +99,7 @@ impl<'a> Lane<'a> {
 
 impl<'a> Group<'a> {
     /// Creates a group of voices of one [`Shape`](super::Shape), at least one and at most [`LANES`].
-    pub fn new(voices: Vec<VoiceInto<'a>>) -> Self {
+    pub(super) fn new(voices: Vec<VoiceInto<'a>>) -> Self {
         let excitations = voices.iter().map(|voice| {
             LayerVoices::new(voice.texture, Stage::Excitation, voice.texture.rate_hz(), voice.seed)
         });
@@ -132,7 +132,10 @@ impl<'a> Group<'a> {
 
     /// Computes the vibrations; an error names the lane. `advance` receives the number of further samples
     /// done, and returns whether to continue.
-    pub fn play(mut self, advance: &dyn Fn(usize) -> ControlFlow<()>) -> Result<(), (usize, SynthesisError)> {
+    pub(super) fn play(
+        mut self,
+        advance: &dyn Fn(usize) -> ControlFlow<()>,
+    ) -> Result<(), (usize, SynthesisError)> {
         let samples = self.lanes.iter().map(|lane| lane.out.len()).max().unwrap_or(0);
         let UpdatePoints { rate_hz, update_hz, .. } = *self.lanes[0].points;
         let mut updates = updates(rate_hz, update_hz, samples).enumerate().peekable();

@@ -36,7 +36,7 @@ impl Block<'_> {
     }
 
     /// Changes the samples of each voice, by its number.
-    pub fn each_voice(&mut self, mut change: impl FnMut(usize, &mut [f64])) {
+    pub(crate) fn each_voice(&mut self, mut change: impl FnMut(usize, &mut [f64])) {
         for first in (0..self.voices).step_by(DRAWN) {
             take_apart(self.frames, first, self.drawn);
             let samples = self.drawn.iter_mut().take(self.voices - first);

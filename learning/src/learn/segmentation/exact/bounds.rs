@@ -50,39 +50,39 @@ impl Eq for Waiting {}
 
 impl Bounds {
     /// Takes in the blocks before `block`, which were rated at every end so far.
-    pub fn take_in(&mut self, block: usize) {
+    pub(super) fn take_in(&mut self, block: usize) {
         self.fresh.extend(self.kept..block);
         self.kept = block;
     }
 
     /// The blocks that were looked at since the latest mark, to be pushed before the next.
-    pub fn take_fresh(&mut self) -> Vec<usize> {
+    pub(super) fn take_fresh(&mut self) -> Vec<usize> {
         std::mem::take(&mut self.fresh)
     }
 
     /// Moves on to the next mark.
-    pub fn pass_mark(&mut self, mark: usize, since_last: f64) {
+    pub(super) fn pass_mark(&mut self, mark: usize, since_last: f64) {
         self.mark = mark;
         self.carried += since_last;
     }
 
     /// The latest mark.
-    pub fn mark(&self) -> usize {
+    pub(super) fn mark(&self) -> usize {
         self.mark
     }
 
-    pub fn carried(&self) -> f64 {
+    pub(super) fn carried(&self) -> f64 {
         self.carried
     }
 
     /// Puts a block back, with its bound at the latest mark.
-    pub fn push(&mut self, block: usize, bound: f64) {
+    pub(super) fn push(&mut self, block: usize, bound: f64) {
         let excess = bound - self.carried;
         self.waiting.push(Waiting { excess, block });
     }
 
     /// The block with the lowest bound at the latest mark, with that bound, if it is below `limit`.
-    pub fn pop_below(&mut self, limit: f64) -> Option<(usize, f64)> {
+    pub(super) fn pop_below(&mut self, limit: f64) -> Option<(usize, f64)> {
         let bound = self.waiting.peek()?.excess + self.carried;
         if bound >= limit {
             return None;
@@ -92,12 +92,12 @@ impl Bounds {
     }
 
     /// Notes that a block was looked at since the latest mark.
-    pub fn renew(&mut self, block: usize) {
+    pub(super) fn renew(&mut self, block: usize) {
         self.fresh.push(block);
     }
 
     /// The blocks that were looked at since the latest mark.
-    pub fn fresh(&self) -> &[usize] {
+    pub(super) fn fresh(&self) -> &[usize] {
         &self.fresh
     }
 }
@@ -115,7 +115,7 @@ pub(super) struct Marks {
 }
 
 impl Marks {
-    pub fn new<E: Estimator>(moments: &Moments, positions: &[usize]) -> Self {
+    pub(super) fn new<E: Estimator>(moments: &Moments, positions: &[usize]) -> Self {
         let size = end_size(moments.order);
         let samples: Vec<usize> = positions.iter().copied().step_by(MARK).collect();
         let blocks = samples.len().div_ceil(LANES);
@@ -138,7 +138,7 @@ impl Marks {
 
     /// Least surprise between two marks, given as grid points, of which `to` is the later and the latest.
     #[inline(always)]
-    pub fn surprise<E: Estimator>(
+    pub(super) fn surprise<E: Estimator>(
         &mut self,
         from: usize,
         to: usize,

@@ -13,7 +13,7 @@ pub(in crate::recording) struct Lines {
 }
 
 impl Lines {
-    pub fn push(&mut self, line: u64) {
+    pub(crate) fn push(&mut self, line: u64) {
         let follows = self.jumps.last().is_some_and(|(row, first)| first + (self.rows - row) as u64 == line);
         if !follows {
             self.jumps.push((self.rows, line));
@@ -21,11 +21,11 @@ impl Lines {
         self.rows += 1;
     }
 
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.rows
     }
 
-    pub fn of(&self, row: usize) -> u64 {
+    pub(crate) fn of(&self, row: usize) -> u64 {
         let after = self.jumps.partition_point(|(first, _)| *first <= row);
         let jump = after.checked_sub(1).and_then(|index| self.jumps.get(index));
         jump.map_or(1, |(first, line)| line + (row - first) as u64)

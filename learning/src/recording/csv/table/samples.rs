@@ -26,22 +26,22 @@ pub(in crate::recording) struct Even {
 
 impl Even {
     /// Number of samples.
-    pub fn samples(&self) -> usize {
+    pub(crate) fn samples(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 
     /// Time of the last sample, s.
-    pub fn end_s(&self) -> f64 {
+    pub(crate) fn end_s(&self) -> f64 {
         self.start_s + self.samples().saturating_sub(1) as f64 / self.rate_hz
     }
 
     /// Sample `index` of the columns from `first` on.
-    pub fn at<const N: usize>(&self, index: usize, first: usize) -> [f64; N] {
+    pub(crate) fn at<const N: usize>(&self, index: usize, first: usize) -> [f64; N] {
         std::array::from_fn(|column| self.columns[first + column][index])
     }
 
     /// A series of what `sample` makes of each index.
-    pub fn series<T>(&self, sample: impl Fn(usize) -> T) -> Series<T> {
+    pub(crate) fn series<T>(&self, sample: impl Fn(usize) -> T) -> Series<T> {
         let samples = (0..self.samples()).map(sample).collect();
         Series { rate_hz: self.rate_hz, start_s: self.start_s, samples }
     }

@@ -67,14 +67,14 @@ fn no_line_costs_more_than_is_stated() {
     for mesh in solids() {
         let triangles = mesh.triangles().len();
         assert!(triangles <= 20_480);
-        assert_eq!(mesh.most_visits(), 4096 + 2 * triangles);
+        let most_visits = 4096 + 2 * triangles;
         let lines = if triangles < 9000 { 1000 } else { 150 };
         let visits: Vec<usize> = hard_lines(&mesh, lines, 1)
             .into_iter()
             .map(|(foot_m, along)| mesh.meet_line(foot_m, along).visits)
             .collect();
         let most = visits.iter().copied().max().unwrap();
-        assert!(most <= mesh.most_visits(), "{most} of {triangles}");
+        assert!(most <= most_visits, "{most} of {triangles}");
         through_all += visits.iter().filter(|visits| **visits > HIERARCHY_VISITS).count();
     }
     assert!(through_all > 10, "{through_all} went through all triangles");
