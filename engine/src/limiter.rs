@@ -211,6 +211,11 @@ impl<const N: usize> Limiter<N> {
         self.continuous_square - self.budget
     }
 
+    /// Used part of the continuous limit: 0 when cold, 1 without heat reserve.
+    pub(crate) fn used_heat(&self) -> f64 {
+        (self.mean_square() / self.continuous_square).max(0.0)
+    }
+
     /// Continues the state of another limiter of the same actuator, with its heat.
     pub fn continue_from(&mut self, other: &Self) {
         self.heat.continue_from(&other.heat);

@@ -29,6 +29,13 @@ pub enum InputState {
     Jumped,
 }
 
+impl InputState {
+    /// True if the device sends, also where its data move too fast.
+    pub fn is_heard(self) -> bool {
+        matches!(self, Self::Heard | Self::Jumped)
+    }
+}
+
 /// The state of a live input, shared between the driver of the device and all users.
 #[derive(Debug, Default)]
 pub struct InputCell(AtomicU8);

@@ -151,7 +151,7 @@ function engineSays(studio, counts, recent) {
             level: "warn",
             text: `\`${mute.input}\` has been silent for ${mute.for_s.toFixed(0)} s: its actuators are at zero. Lift and press again`,
         };
-    const hot = actuators.find(({ heat }) => heat > HOT);
+    const hot = actuators.find(({ heat, simulated, armed }) => heat > HOT && (simulated || armed));
     if (hot)
         return {
             level: "warn",

@@ -1,10 +1,10 @@
 //! The actuators of a graph, and the sound played by the page.
 
-use super::scope::Scope;
 use haptograph_engine::graph::{Graph, GraphDevice};
+use haptograph_engine::run::ActuatorLevel;
 use serde_json::{Value, json};
 
-/// An actuator with the values delivered to it.
+/// An actuator of the graph.
 #[derive(Debug)]
 pub(crate) struct Actuator {
     pub name: String,
@@ -14,45 +14,21 @@ pub(crate) struct Actuator {
     pub unit: String,
     pub peak: f64,
     pub continuous: f64,
-    pub window_s: f64,
     pub rate_hz: f64,
-    pub delivered: Delivered,
+    /// Largest magnitude delivered so far.
+    pub peak_ever: f64,
 }
 
-/// Values delivered to an actuator since the last status.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Delivered {
-    square: f64,
-    count: u64,
-    peak: f64,
-    peak_ever: f64,
-    /// Weighted mean square, as in the thermal limit.
-    heat: f64,
-}
-
-impl Delivered {
-    /// Adds frames of an actuator with the thermal window `window_s`.
-    pub(crate) fn take(&mut self, scope: &Scope, window_s: f64) {
-        let part = 1.0 / (window_s * scope.port.rate_hz);
-        for frame in scope.fresh().chunks_exact(scope.lanes()) {
-            let square: f64 = frame.iter().map(|x| x * x).sum();
-            self.square += square;
-            self.count += 1;
-            self.peak = self.peak.max(square.sqrt());
-            self.heat += (square - self.heat) * part;
-        }
-        self.peak_ever = self.peak_ever.max(self.peak);
-    }
-
-    /// The status, and the start of the next.
-    pub(crate) fn status(&mut self, name: &str, continuous: f64, (is_real, is_armed): (bool, bool)) -> Value {
-        let rms = (self.square / self.count.max(1) as f64).sqrt();
-        let status = json!({
-            "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
-            "heat": self.heat / (continuous * continuous), "simulated": !is_real, "armed": is_real && is_armed,
-        });
-        (self.square, self.count, self.peak) = (0.0, 0, 0.0);
-        status
+impl Actuator {
+    /// The status by the level of its sink; zeros without a run.
+    pub(crate) fn status(&mut self, levels: &[ActuatorLevel], is_armed: bool) -> Value {
+        let level = levels.iter().find(|level| level.path == self.name);
+        let (rms, peak, heat) = level.map_or((0.0, 0.0, 0.0), |level| (level.rms, level.peak, level.heat));
+        self.peak_ever = self.peak_ever.max(peak);
+        json!({
+            "name": self.name, "rms": rms, "peak": peak, "delivered_peak": self.peak_ever, "heat": heat,
+            "simulated": !self.is_real, "armed": self.is_real && is_armed,
+        })
     }
 }
 

@@ -5,8 +5,7 @@ use super::levels::short;
 use super::run_cycle::State;
 use super::stage::{Signals, Stage};
 use super::wire::{Message, text};
-use haptograph_engine::run::Session;
-use haptograph_engine::silence::InputState;
+use haptograph_engine::run::{ActuatorLevel, Session};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,14 +32,15 @@ impl Publisher {
         self.passed += passed;
         self.looks += 1;
         if self.looks == STATUS {
-            let status = status(stage, self.passed);
+            let levels = stage.session.iter().flat_map(Session::actuator_levels).collect::<Vec<_>>();
+            let status = status(stage, &levels, self.passed);
             for page in 0..stage.pages.list.len() {
                 let mut own = status.clone();
                 own["owner"] = json!(stage.pages.owner == Some(stage.pages.list[page].id));
                 own["lost"] = json!(stage.pages.list[page].lost);
                 stage.pages.list[page].send(text(&own));
             }
-            send_levels(stage);
+            send_levels(stage, &levels);
             stage.append_recording();
             *self = Self::default();
         }
@@ -75,7 +75,7 @@ pub(crate) fn send_samples(stage: &mut Stage) {
     }
 }
 
-fn status(stage: &mut Stage, passed: Duration) -> Value {
+fn status(stage: &mut Stage, levels: &[ActuatorLevel], passed: Duration) -> Value {
     let pointer = stage.pointer_latency();
     let time_s = stage.now_s();
     let recording_s = stage.recorder.recording.as_ref().map(|_| time_s);
@@ -84,17 +84,11 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     let (gain, note) = (stage.devices.switch.gain(), stage.devices.note.clone());
     let Stage { signals, drive, session, pages, cycle, .. } = stage;
     let Signals { actuators, silent, .. } = signals;
-    let each = actuators.iter_mut().map(|actuator| {
-        let continuous = actuator.continuous;
-        let armed = (actuator.is_real, gain > 0.0);
-        actuator.delivered.status(&actuator.name, continuous, armed)
-    });
-    let actuators: Vec<Value> = each.collect();
+    let actuators: Vec<Value> =
+        actuators.iter_mut().map(|actuator| actuator.status(levels, gain > 0.0)).collect();
     let inputs = session.as_ref().map(|session| session.live_inputs()).unwrap_or_default();
-    silent.retain(|(name, _)| {
-        inputs.iter().any(|input| input.device == *name && input.state != InputState::Heard)
-    });
-    for input in inputs.iter().filter(|input| input.state != InputState::Heard) {
+    silent.retain(|(name, _)| inputs.iter().any(|input| input.device == *name && !input.state.is_heard()));
+    for input in inputs.iter().filter(|input| !input.state.is_heard()) {
         if !silent.iter().any(|(name, _)| *name == input.device) {
             silent.push((input.device.clone(), time_s));
         }
@@ -125,16 +119,16 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
 }
 
 /// Sends the levels to pages that display the drawing; free of cost if there are none.
-fn send_levels(stage: &mut Stage) {
+fn send_levels(stage: &mut Stage, actuators: &[ActuatorLevel]) {
     if !stage.pages.list.iter().any(|page| page.sees_levels) {
         return;
     }
-    let message = text(&levels(stage));
+    let message = text(&levels(stage, actuators));
     let pages = stage.pages.list.iter_mut().filter(|page| page.sees_levels);
     pages.for_each(|page| page.send(message.clone()));
 }
 
-fn levels(stage: &mut Stage) -> Value {
+fn levels(stage: &mut Stage, actuators: &[ActuatorLevel]) -> Value {
     let (mut ports, mut not_finite) = (Map::new(), Map::new());
     for scope in &mut stage.signals.scopes {
         if let Some(level) = scope.level.snapshot() {
@@ -145,13 +139,13 @@ fn levels(stage: &mut Stage) -> Value {
         }
     }
     let mut limits = Map::new();
-    for actuator in stage.session.iter().flat_map(Session::actuator_levels) {
+    for actuator in actuators {
         let clipped = actuator.clipped;
         let ticks = json!({
             "ticks": clipped.ticks, "peak": clipped.peak, "continuous": clipped.continuous, "slew": clipped.slew,
             "fault": clipped.fault,
         });
-        limits.insert(actuator.path, ticks);
+        limits.insert(actuator.path.clone(), ticks);
     }
     let costs = stage.session.as_ref().map(|session| {
         let parts = stage.signals.costs.update(session, &stage.loaded.graph).into_iter();

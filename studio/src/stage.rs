@@ -147,12 +147,6 @@ impl Stage {
         if let Some(signals) = &mut self.recorder.signals {
             signals.take(&self.signals.scopes);
         }
-        for actuator in &mut self.signals.actuators {
-            let port = format!("{}.delivered", actuator.name);
-            if let Some(scope) = self.signals.scopes.iter().find(|scope| scope.port.name == port) {
-                actuator.delivered.take(scope, actuator.window_s);
-            }
-        }
     }
 
     /// Runs `frames` frames if the caller drives; returns the samples to play, where 1 is the peak limit.

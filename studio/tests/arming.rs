@@ -182,6 +182,9 @@ fn a_real_actuator_is_silent_until_the_owner_arms_it_and_after_everything_that_d
         (&device["name"], &device["simulated"], &device["at"]),
         (&json!("coil"), &json!(false), &json!(rig.coil.place.to_string()))
     );
+    // Nobody knows how warm it is: its limiter has no reserve, and the page shows it.
+    let heat = fresh_status(&mut page)["actuators"][0]["heat"].as_f64();
+    assert!(heat > Some(0.5), "{heat:?}");
     // The graph asks for it all the while, behind the limits.
     page.wait(|said| said["actuators"][0]["rms"].as_f64() > Some(0.4));
     rig.assert_silent(&mut page);

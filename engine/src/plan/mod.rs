@@ -268,6 +268,7 @@ pub(crate) struct Delivered {
     at_zero: AtomicBool,
     level: AtomicU64,
     peak: AtomicU64,
+    heat: AtomicU64,
     /// Number of all ticks, and of those that the peak, the heat, the slew and a fault limited.
     clipped: [AtomicU64; 5],
 }
@@ -300,17 +301,18 @@ impl Delivered {
         (largest, self.at_zero.load(Relaxed))
     }
 
-    /// Writes the present level and the largest magnitude since the last write.
-    pub(crate) fn put_level(&self, level: f64, peak: f64) {
+    /// Writes the present level, the largest magnitude since the last write, and the used part of the continuous limit.
+    pub(crate) fn put_level(&self, level: f64, peak: f64, heat: f64) {
         self.level.store(level.to_bits(), Relaxed);
+        self.heat.store(heat.to_bits(), Relaxed);
         // Non-negative numbers have the order of their bits.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
     }
 
-    /// Reads the present level, and the largest magnitude since the last call.
-    pub(crate) fn take_level(&self) -> (f64, f64) {
+    /// Reads the present level, the largest magnitude since the last call, and the used part of the continuous limit.
+    pub(crate) fn take_level(&self) -> (f64, f64, f64) {
         let level = f64::from_bits(self.level.load(Relaxed));
-        (level, f64::from_bits(self.peak.swap(0, Relaxed)))
+        (level, f64::from_bits(self.peak.swap(0, Relaxed)), f64::from_bits(self.heat.load(Relaxed)))
     }
 }
 

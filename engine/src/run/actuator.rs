@@ -248,6 +248,11 @@ impl AnyLimiter {
         any!(self, limiter => limiter.begin_as_any_of(hottest), closed: ());
     }
 
+    /// Used part of the continuous limit.
+    pub(super) fn used_heat(&self) -> f64 {
+        any!(self, limiter => limiter.used_heat(), closed: 0.0)
+    }
+
     pub(super) fn has_unknown_history(&self) -> bool {
         any!(self, limiter => limiter.has_unknown_history(), closed: false)
     }

@@ -95,6 +95,8 @@ pub struct ActuatorLevel {
     pub rms: f64,
     /// Largest magnitude since the last call.
     pub peak: f64,
+    /// Used part of the continuous limit, as the limiter counts it: output of an unknown past counts as that limit.
+    pub heat: f64,
     /// The limit.
     pub limit: Limit,
     /// Number of ticks in which each limit acted since the run began.
@@ -104,12 +106,13 @@ pub struct ActuatorLevel {
 pub(super) fn levels(plan: &Plan) -> impl Iterator<Item = ActuatorLevel> {
     let actuators = plan.actuators.iter().zip(&*plan.delivered);
     actuators.map(|(actuator, delivered)| {
-        let (rms, peak) = delivered.take_level();
+        let (rms, peak, heat) = delivered.take_level();
         ActuatorLevel {
             path: actuator.path.clone(),
             unit: actuator.unit.clone(),
             rms,
             peak,
+            heat,
             limit: actuator.limit,
             clipped: delivered.clipped(),
         }
@@ -190,7 +193,7 @@ impl Run {
         let time = self.state.windows.block().1;
         for (actuator, delivered) in self.state.actuators.iter_mut().zip(&*self.plan.delivered) {
             let (level, peak) = actuator.level.read();
-            delivered.put_level(level, peak);
+            delivered.put_level(level, peak, actuator.limiter.used_heat());
             delivered.put_clipped(actuator.limiter.counts());
             let output = actuator.limiter.output();
             let largest = output.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));

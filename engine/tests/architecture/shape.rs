@@ -15,13 +15,13 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
     ("signal", 5_310, 4_800),
-    ("engine", 19_040, 15_500),
+    ("engine", 19_050, 15_500),
     ("surfaces", 6_680, 6_000),
     ("learning", 13_800, 9_500),
     ("nodes", 14_150, 13_000),
     ("live", 6_600, 6_000),
     ("report", 7_560, 6_000),
-    ("studio", 5_400, 3_300),
+    ("studio", 5_390, 3_300),
     ("src", 9_200, 6_300),
     ("bindings", 3_450, 3_100),
 ];

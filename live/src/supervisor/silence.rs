@@ -58,7 +58,7 @@ impl SilenceMonitor {
     }
 
     fn poll_one(&mut self, now: Instant, input: &InputStatus, network: &Connections) -> Option<String> {
-        let is_heard = matches!(input.state, InputState::Heard | InputState::Jumped);
+        let is_heard = input.state.is_heard();
         let place = self.known.iter().position(|known| known.device == input.device);
         let place = place.unwrap_or_else(|| {
             self.known.push(Known {

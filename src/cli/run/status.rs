@@ -255,6 +255,7 @@ mod tests {
             unit: "A".to_owned(),
             rms: 0.125,
             peak: 0.25,
+            heat: 0.0,
             limit,
             clipped: ClipCounts::default(),
         };

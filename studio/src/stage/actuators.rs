@@ -26,9 +26,8 @@ impl Stage {
                 unit: port.quantity.unit(),
                 peak: limit.peak,
                 continuous: limit.continuous,
-                window_s: limit.window_s,
                 rate_hz: port.rate_hz,
-                delivered: before.map(|known| known.delivered.clone()).unwrap_or_default(),
+                peak_ever: before.map_or(0.0, |known| known.peak_ever),
             })
         };
         self.signals.actuators = graph.actuators().filter_map(actuator).collect();

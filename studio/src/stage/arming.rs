@@ -7,7 +7,6 @@ use super::super::error::StageError;
 use super::super::run_cycle::State;
 use super::Stage;
 use haptograph_engine::run::Session;
-use haptograph_engine::silence::InputState;
 use haptograph_live::soundcard::output_sinks;
 
 /// The gain behind the limits with which arming begins: -20 dB.
@@ -63,9 +62,7 @@ impl Stage {
         let inputs = self.session.as_ref().map(Session::live_inputs).unwrap_or_default();
         let heard = inputs
             .into_iter()
-            .filter(|input| {
-                matches!(input.state, InputState::Heard | InputState::Jumped) && is_driven(&input.device)
-            })
+            .filter(|input| input.state.is_heard() && is_driven(&input.device))
             .map(|input| input.device);
         let heard: Vec<String> = heard.collect();
         let lost = self.devices.heard.iter().find(|device| !heard.contains(device));
