@@ -60,7 +60,7 @@ impl CommandResult for Checked<'_> {
         let clocks: Vec<String> =
             graph.clocks().iter().map(|clock| format!("{} {}", clock.name, clock.rate)).collect();
         let mut text = format!(
-            "{}{} is sound: {nodes} nodes, {wires} wires, clocks {}\n",
+            "{}{} is valid: {nodes} nodes, {wires} wires, clocks {}\n",
             render(&self.warnings, is_coloured(&std::io::stdout())),
             self.arguments.graph.graph.display(),
             clocks.join(", ")

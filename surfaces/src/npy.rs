@@ -22,7 +22,7 @@ pub struct Header {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NpyError {
     /// The bytes are not an array, or end before its header does.
-    #[error("it is not an array")]
+    #[error("it is not a NumPy array (.npy), or it is cut off; save it again with `numpy.save`")]
     NotAnArray,
     /// A version of the format after 3.
     #[error("its format has version {0}.{1}; versions 1 to 3 are read")]
@@ -53,10 +53,14 @@ pub enum NpyError {
     #[error("its number type is '{0}', which is not read; save doubles or singles, `astype(float)`")]
     Type(String),
     /// The number of values differs from that of the shape.
-    #[error("it has {bytes} bytes, which does not match its shape")]
+    #[error(
+        "it has {bytes} bytes of data, which do not match its shape {shape:?}: the file is cut off or damaged; save it again"
+    )]
     Length {
         /// Bytes after the header.
         bytes: usize,
+        /// The shape that the header states.
+        shape: Vec<u64>,
     },
 }
 
@@ -119,7 +123,7 @@ pub fn doubles(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, NpyError> {
     };
     let wanted = shape.iter().try_fold(width, |bytes: u64, n| bytes.checked_mul(*n));
     if wanted != Some(data.len() as u64) {
-        return Err(NpyError::Length { bytes: data.len() });
+        return Err(NpyError::Length { bytes: data.len(), shape });
     }
     let (eights, fours) = (data.as_chunks().0.iter(), data.as_chunks().0.iter());
     Ok(match descr.as_str() {
@@ -363,7 +367,7 @@ mod tests {
         assert_eq!(array_of("<f4", singles.map(f32::to_le_bytes).concat()), wanted);
         assert_eq!(array_of(">f4", singles.map(f32::to_be_bytes).concat()), wanted);
         assert_eq!(array_of("<i8", vec![0; 16]), Err(NpyError::Type("<i8".to_owned())));
-        assert_eq!(array_of("<f8", vec![0; 15]), Err(NpyError::Length { bytes: 15 }));
+        assert_eq!(array_of("<f8", vec![0; 15]), Err(NpyError::Length { bytes: 15, shape: vec![2] }));
     }
 
     #[test]
@@ -377,7 +381,8 @@ mod tests {
         assert!(matches!(array_of("False", "3, 2"), Err(NpyError::Shape { .. })));
         assert!(matches!(array_of("False", ""), Err(NpyError::Shape { .. })));
         let large = "6148914691236517206, 3";
-        assert_eq!(array_of("False", large), Err(NpyError::Length { bytes: 48 }));
+        let shape = vec![6_148_914_691_236_517_206, 3];
+        assert_eq!(array_of("False", large), Err(NpyError::Length { bytes: 48, shape }));
         // A single axis is the same in both orders.
         let text = "{'descr': '<f8', 'fortran_order': True, 'shape': (6,), }";
         assert!(doubles(&array(text, &[0; 48]), &[]).is_ok());

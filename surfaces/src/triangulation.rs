@@ -400,7 +400,7 @@ pub enum TriangulationError {
     },
     /// A side with a triangle on one side only, inside the map.
     #[error(
-        "the map has a gap beside triangle {triangle}: its side between vertices {} and {} (all from 0) is neither shared nor on the border of the range from zero to the maximum",
+        "the triangles leave a gap beside triangle {triangle}: no triangle joins its side between vertices {} and {} (all from 0), which is inside the map; add one",
         vertices.0, vertices.1
     )]
     Gap {

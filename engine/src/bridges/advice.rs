@@ -178,9 +178,11 @@ impl Crossing<'_> {
                      follows both clocks",
                     self.output
                 ),
-                _ => "their drivers differ, and a ring carries sampled frames of linear kinds only: send what it is \
-                      computed from"
-                    .to_owned(),
+                _ => format!(
+                    "the drivers differ, and a ring carries only sampled, linear signals: send this node's inputs through \
+                     rings and run the node on `{}`",
+                    self.to.clock
+                ),
             };
         }
         let fits = |bridge: &&BridgeEntry| {

@@ -362,7 +362,7 @@ impl Loader {
             Some(Refusal::TooLong { .. }) => {
                 let most = self.max_bytes;
                 let message =
-                    format!("a graph and what it includes have more than {most} bytes with `{shown}`");
+                    format!("with `{shown}`, the graph and its included files exceed {most} bytes");
                 Diagnostic::error("E0108", span, message).help("include less, or split the graph")
             }
             _ => Diagnostic::error("E0108", span, format!("cannot read `{shown}`: {error}"))

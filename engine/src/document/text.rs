@@ -123,7 +123,7 @@ impl Reader<'_> {
                 .help("is the closing `\"` of that string missing?");
         }
         if let Some(name) = name {
-            diagnostic = diagnostic.help(format!("fields stand in round brackets: `{name}(...)`"));
+            diagnostic = diagnostic.help(format!("put the fields in parentheses: `{name}(...)`"));
         }
         self.diagnostics.push(diagnostic);
     }

@@ -70,11 +70,11 @@ impl At {
 /// Resolves a connection to an output; `None` after a reported error.
 pub(super) fn resolve(cx: &mut Context<'_>, graph: &Expanded, value: &Value, at: At) -> Option<Wire> {
     if at.depth > MAX_HANDED_ON {
-        let message = "this connection leads back to itself and never reaches a node";
+        let message = "this template output leads back to the template's own input, through no node";
         return cx.fail(
             Diagnostic::error("E0408", value.span, message)
                 .label("passed from template to template")
-                .help("an output of a template leads back to its own input"),
+                .help("connect the output to a node inside the template: \"node.output\""),
         );
     }
     match &value.shape {
@@ -225,7 +225,7 @@ fn unknown_node(cx: &Context<'_>, graph: &Expanded, span: Span, node: &str, scop
     if place.inputs.contains_key(node) {
         diagnostic.help(format!("`{node}` is an input of the template: write `Input(\"{node}\")`"))
     } else if node.contains('/') {
-        diagnostic.help("what is inside a template is reached through the template's outputs alone")
+        diagnostic.help("nodes inside a template can be reached only through its outputs")
     } else {
         cx.suggest(diagnostic, node, cx.in_order(&place.names), "there are", "there are no nodes")
     }

@@ -32,7 +32,7 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoint
     for (i, template) in document.templates.iter().enumerate() {
         let name = &template.name;
         if cx.registry.node(&name.text).is_some() {
-            let message = format!("`{}` is the name of a kind of node", name.text);
+            let message = format!("a template cannot be called `{}`: that is a node kind", name.text);
             cx.report(
                 Diagnostic::error("E0211", name.span, message)
                     .label("a template cannot replace it")

@@ -28,19 +28,19 @@ fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
                 let kinds = registry.kinds().iter().map(|kind| kind.spec().name);
                 (
                     format!("two kinds of frames are registered as `{name}`"),
-                    format!("{rename}; taken are {}", quoted(unique(kinds))),
+                    format!("{rename}; names already in use: {}", quoted(unique(kinds))),
                 )
             }
             Namespace::Bridges if RESERVED.contains(&name) => (
                 format!("a bridge is registered as `{name}`, which is another form of a connection"),
                 format!(
-                    "rename it where this program registers it; taken are {}",
+                    "rename it where this program registers it; names already in use: {}",
                     quoted(bridge_names(registry))
                 ),
             ),
             Namespace::Bridges => (
                 format!("two types of bridges are registered as `{name}`"),
-                format!("{rename}; taken are {}", quoted(bridge_names(registry))),
+                format!("{rename}; names already in use: {}", quoted(bridge_names(registry))),
             ),
         };
         Diagnostic::error("E0212", Span::default(), message).of_no_place().help(help)
@@ -68,7 +68,7 @@ fn unregistered_kinds(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
                 "add the kind by `Registry::add_kind` where this program registers the other",
             ),
             Some(_) => (
-                format!("`{port}` of `{entry}` has frames of another kind `{name}` than the registered one"),
+                format!("`{port}` of `{entry}` uses a frame kind `{name}` that differs from the registered kind of that name"),
                 "use one definition of the kind for both",
             ),
         };

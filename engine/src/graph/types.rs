@@ -186,7 +186,7 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &Connected, setting: &'static st
             unknown_choice(&name, &quantity_names(), span, reading);
         });
         if let (Some(meant), Some(finding)) = (quantity_by_unit(&name), cx.diagnostics.get_mut(before)) {
-            finding.help = vec![format!("did you mean `{meant}`? Quantities are written by their names")];
+            finding.help = vec![format!("did you mean `{meant}`? Write the quantity, not its unit")];
         }
     }
     found

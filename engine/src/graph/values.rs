@@ -211,8 +211,8 @@ impl Parameters {
             }
         };
         if !result.is_finite() {
-            let message = format!("the value of the formula is `{result}`, not a finite number");
-            return cx.fail(in_formula(at, message));
+            let message = format!("the formula gives `{result}`, not a finite number");
+            return cx.fail(in_formula(at, message).help("is a divisor zero?"));
         }
         Some(Value { span: value.span, shape: Shape::Number(result, result.to_string()) })
     }
@@ -262,11 +262,13 @@ impl Parameters {
         let (values, levels) = measure(&found);
         self.replaced += values;
         if self.replaced > MAX_REPLACED || depth + levels > MAX_DEPTH {
-            let message = "settings handed through templates grow without bound";
+            let message = "the settings passed from template to template become too large";
             cx.report(
                 Diagnostic::error("E0702", at, message)
                     .label("this replacement is too large")
-                    .help(format!("at most {MAX_REPLACED} values, {MAX_DEPTH} levels deep, are replaced")),
+                    .help(format!(
+                        "the limit is {MAX_REPLACED} values and {MAX_DEPTH} levels; does a setting contain itself?"
+                    )),
             );
             return None;
         }

@@ -90,7 +90,9 @@ pub enum MapError {
     Synthesis { name: String, source: SynthesisError },
     #[error("cannot compare the textures: {0}")]
     Metric(#[from] MetricError),
-    #[error("the difference of two textures is not finite: their spectral or power error is constant")]
+    #[error(
+        "two textures cannot be placed on the map: their spectral or power error is the same in every window; are they the same recording?"
+    )]
     NotFinite,
 }
 

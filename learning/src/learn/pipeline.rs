@@ -106,7 +106,7 @@ impl fmt::Display for MissingPart {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum LearnError {
-    #[error("there are no recordings to learn from")]
+    #[error("no recordings were given; name at least one")]
     NoRecordings,
     #[error("recording {recording} (from 0) cannot be processed: {source}")]
     Processing { recording: usize, source: ProcessingError },
@@ -120,16 +120,16 @@ pub enum LearnError {
          accelerometer connected, and is this its column?"
     )]
     Still { recording: usize, samples: usize },
-    #[error("no texture can be learned: {0}")]
+    #[error("cannot learn the texture: {0}")]
     Texture(#[from] LearnTextureError),
-    #[error("no friction can be learned: {0}")]
+    #[error("cannot learn the friction: {0}")]
     Friction(#[from] FrictionError),
-    #[error("no taps can be learned: {0}")]
+    #[error("cannot learn the taps: {0}")]
     Taps(#[from] TapError),
-    #[error("no stiffness can be learned: {0}")]
+    #[error("cannot learn the stiffness: {0}")]
     Stiffness(#[from] StiffnessError),
     #[error(
-        "no stiffness can be learned: recording {recording} (from 0) is already processed and does not contain the tip's path; use a raw recording"
+        "cannot learn the stiffness: recording {recording} (from 0) is already processed and does not contain the tip's path; use a raw recording"
     )]
     ProcessedPress { recording: usize },
     #[error(

@@ -123,7 +123,7 @@ pub enum Fate {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum LearnTextureError {
-    #[error("there is no drag recording to learn a texture from")]
+    #[error("no drag recording was given, and a texture needs one: add a recording of dragging")]
     NoRecordings,
     #[error(
         "recording {recording} (from 0) has a rate of {rate_hz} Hz, but the first has {expected_hz} Hz; all rates must be equal"

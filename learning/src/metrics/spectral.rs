@@ -73,7 +73,9 @@ pub enum MetricError {
     Different { rates_hz: (f64, f64), windows: (usize, usize) },
     #[error("the rate is {rate_hz} Hz; it must be a finite number above 0")]
     Rate { rate_hz: f64 },
-    #[error("the signals share {windows} windows; a deviation needs at least two")]
+    #[error(
+        "the signals overlap in only {windows} windows; a standard deviation needs at least two: use longer signals"
+    )]
     TooFewWindows { windows: usize },
 }
 

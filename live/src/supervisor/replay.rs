@@ -33,7 +33,7 @@ pub fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
     }
     let time = |name: &str| {
         let time_s = facts[name].as_f64().filter(|time_s| (0.0..=MAX_S).contains(time_s));
-        time_s.ok_or_else(|| format!("`{name}` is {}, which is not a possible duration", facts[name]))
+        time_s.ok_or_else(|| format!("`{name}` is {}; it must be from 0 to {MAX_S} s", facts[name]))
     };
     let (seconds, took_s) = (time("seconds")?, time("took_s")?);
     let longest_s = took_s * (1.0 + CLOCKS_DIFFER) + SPARE_S;

@@ -59,7 +59,7 @@ pub(in crate::recording) fn timing(times: &[f64], strict: bool) -> Result<Timing
     };
     if strict {
         let message = format!(
-            "time jumps: {} s where {} s is expected at an even rate of {} Hz",
+            "time jumps: {} s where {} s is expected at an even rate of {} Hz; cut the file here, or leave out --strict",
             shown(times[first_off]),
             shown(expected(first_off)),
             shown(rate_hz)
