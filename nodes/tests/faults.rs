@@ -9,6 +9,7 @@ use haptograph_engine::node::{
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{Change, PlayerState, Run, player};
+use haptograph_engine::settings::LiveId;
 use haptograph_signal::quantity::Quantity;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -369,5 +370,74 @@ fn the_end_takes_a_sink_slower_than_its_driver_to_zero_too() {
         }
         // It was at rest because the actuator was, not because time was over.
         assert!(live.run().is_idle(), "phase {phase}");
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Told`].
+    pub struct ToldSettings {
+        /// What it puts out.
+        [live, below_nyquist] cutoff_hz: f64, in 1.0..=1e6;
+    }
+}
+
+haptograph_engine::node! {
+    /// Puts out its setting.
+    pub struct Told(ToldSettings) in "test";
+    example: "";
+    out OUTPUT: Scalar = Port::any("The setting.");
+}
+
+impl NodeKind for Told {
+    fn build(settings: ToldSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Telling(settings.cutoff_hz)))
+    }
+}
+
+#[derive(Clone)]
+struct Telling(f64);
+
+impl Processor<Told> for Telling {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Told>) {
+        io.write(Told::OUTPUT).fill(self.0);
+    }
+
+    fn set(&mut self, _: LiveId<ToldSettings>, value: f64) {
+        self.0 = value;
+    }
+}
+
+#[test]
+fn a_frequency_stays_below_half_the_rate_when_its_node_goes_to_a_slower_clock() {
+    let mut registry = haptograph_nodes::registry();
+    registry.add(NodeEntry::processor::<Told>());
+    let plan = |clock: &str, cutoff_hz: f64| {
+        let text = format!(
+            r#"Graph(format: 1,
+                clocks: {{ "fast": Driver(rate_hz: 10000), "slow": Derived(of: "fast", rate_hz: 1000) }},
+                nodes: {{ "told": Told(clock: "{clock}", cutoff_hz: {cutoff_hz}) }})"#
+        );
+        let graph = Document::parse("slower.ron", &text)
+            .and_then(|document| check(&document, &registry, &CheckOptions::default()))
+            .unwrap_or_else(|wrong| panic!("{wrong}"));
+        let taps = vec![(graph.nodes().find("told").unwrap(), 0)];
+        Arc::new(Plan::of(&graph, &PlanOptions::default().block(16).taps(taps)).remove(0))
+    };
+    // The file changes the value too, or it was set while the graph ran.
+    for (written_hz, set_hz) in [(3000.0, None), (400.0, Some(4000.0))] {
+        let (mut live, mut control) = player(plan("fast", written_hz));
+        if let Some(hz) = set_hz {
+            let (node, setting) = (control.settings()[0].node, control.settings()[0].setting);
+            control.set(node, setting, hz).unwrap();
+        }
+        live.process(2000);
+        control.swap(plan("slow", 400.0)).unwrap();
+        let mut heard = Vec::new();
+        for _ in 0..20 {
+            live.process_with(500, |run, _| heard.extend_from_slice(run.tap(0)));
+        }
+        assert!(heard.iter().all(|hz| (1.0..500.0).contains(hz)), "{heard:?}");
+        assert!(heard[0] > 400.0, "it ramps from the end of the range: {heard:?}");
+        assert_eq!(heard.last(), Some(&400.0));
     }
 }

@@ -189,10 +189,15 @@ impl Control {
                 continue;
             };
             let by_file = written.value.to_bits() != live.value.to_bits();
-            let possible = live.range.is_none_or(|(low, high)| (low..=high).contains(&was.value));
-            let wanted = if by_file || !possible { live.value } else { was.value };
-            let in_new_plan = std::mem::replace(&mut live.value, was.value);
-            if wanted.to_bits() != was.value.to_bits() || wanted.to_bits() != in_new_plan.to_bits() {
+            // On a slower clock a frequency's range can end below the value set last.
+            let start = match live.range {
+                Some((_, high)) if was.value > high => high,
+                Some((low, _)) if was.value < low => low,
+                _ => was.value,
+            };
+            let wanted = if by_file || start != was.value { live.value } else { was.value };
+            let in_new_plan = std::mem::replace(&mut live.value, start);
+            if wanted.to_bits() != start.to_bits() || wanted.to_bits() != in_new_plan.to_bits() {
                 changes.push((place, wanted));
             }
         }

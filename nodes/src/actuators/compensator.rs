@@ -94,9 +94,6 @@ impl Compensator {
     /// Moves the corner of the high-pass, Hz, as far as the bound of the gain allows; the filter goes on from what it
     /// holds. Does not allocate.
     pub(crate) fn turn(&mut self, corner_hz: f64) {
-        if !in_band(corner_hz, self.rate_hz) {
-            return;
-        }
         self.corner_hz = corner_hz.max(self.least_corner_hz);
         let sections = sections(self.modes, self.gain, self.corner_hz, self.rate_hz);
         self.filter.sections.copy_from_slice(&sections);

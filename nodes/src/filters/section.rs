@@ -190,12 +190,9 @@ impl Processor<Biquad> for StateVariable {
     fn set(&mut self, setting: LiveId<BiquadSettings>, value: f64) {
         match setting {
             _ if !value.is_finite() => {}
-            // Just below half the rate, where the integrators' gain would be infinite.
-            BiquadSettings::frequency_hz if !self.follows => {
-                self.turn(value.clamp(1e-6, 0.499 * self.rate_hz))
-            }
+            BiquadSettings::frequency_hz if !self.follows => self.turn(value),
             BiquadSettings::q => {
-                self.wanted.q = value.clamp(0.01, 10_000.0);
+                self.wanted.q = value;
                 self.tuning = Tuning::of(&self.wanted, self.rate_hz);
             }
             _ => {}

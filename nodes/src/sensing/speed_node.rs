@@ -54,7 +54,7 @@ impl NodeKind for SpeedEstimator {
             }
         };
         let estimator = speed::SpeedEstimator::new(filter, rate_hz).map_err(design_error("cutoff_hz"))?;
-        Ok(Built::new(Estimating { estimator, per_hz, nyquist_hz: rate_hz / 2.0 }))
+        Ok(Built::new(Estimating { estimator, per_hz }))
     }
 }
 
@@ -63,7 +63,6 @@ struct Estimating {
     estimator: speed::SpeedEstimator<3>,
     /// Frequency of the filter for a cut-off of 1 Hz.
     per_hz: f64,
-    nyquist_hz: f64,
 }
 
 impl Processor<SpeedEstimator> for Estimating {
@@ -83,8 +82,7 @@ impl Processor<SpeedEstimator> for Estimating {
     }
 
     fn set(&mut self, setting: LiveId<SpeedEstimatorSettings>, value: f64) {
-        // After an edit to a slower clock the ramp starts at the old value, which can be above half the new rate.
-        if setting == SpeedEstimatorSettings::cutoff_hz && value < self.nyquist_hz {
+        if setting == SpeedEstimatorSettings::cutoff_hz {
             self.estimator.turn(self.per_hz * value);
         }
     }
