@@ -2,12 +2,12 @@
 //!
 //! [`CheckOptions::hosted`](crate::graph::CheckOptions::hosted) binds the endpoints of a graph to queues of the
 //! caller. [`Graph::input`](crate::graph::Graph::input) and [`Graph::output`](crate::graph::Graph::output) give typed
-//! handles to their channels; [`Player`] runs the graph in the caller's callback.
+//! handles to their channels; [`Player`](crate::run::Player) runs the graph in the caller's callback.
 //!
 //! # How frames are counted
 //! Every channel ticks on the clock of the nodes that read or drive it. A channel whose clock has 1/384 of the
 //! driver's rate ticks in every 384th frame of the driver, however the frames are split into calls of
-//! [`Player::process`]. At each tick an input takes the values that are due: all values that were [set](Input::set)
+//! [`Player::process`](crate::run::Player::process). At each tick an input takes the values that are due: all values that were [set](Input::set)
 //! since the last tick, or one [pushed](Input::push) frame, or a value set for [a time](Input::set_at) that has come.
 //! Otherwise it holds its last value. An output gets one frame per tick.
 //!
@@ -17,7 +17,7 @@
 //! stay at zero. Values queued before the first call count from the first frame on.
 //!
 //! # Threads
-//! Handles and player can be used on different threads. [`Player::process`], [`Input::set`], [`Input::push`] and
+//! Handles and player can be used on different threads. [`Player::process`](crate::run::Player::process), [`Input::set`], [`Input::push`] and
 //! [`Output::read`] are real-time code: they do not allocate, lock, wait or make system calls.
 
 //!

@@ -616,7 +616,7 @@ fn ports_carry_registered_kinds_only() {
     golden::compare("tests/wrong/program_kind_unregistered.stderr", &render(&wrong, false));
     registry.add_kind(Kind::new(&WIDER));
     let [message] = &codes(&registry)[..] else { panic!("one port") };
-    assert!(message.contains("another kind `weights`"), "{message}");
+    assert!(message.contains("kind `weights` that differs"), "{message}");
     let mut registry = Registry::new();
     registry.add_kind(common::WEIGHTS).add(gain);
     assert_eq!(codes(&registry), [""; 0]);

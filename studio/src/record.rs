@@ -7,6 +7,7 @@
 use super::load::Source;
 use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::run_page::PageSignals;
+#[cfg(not(target_family = "wasm"))]
 use haptograph_signal::files;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;

@@ -361,8 +361,7 @@ impl Loader {
         let diagnostic = match Refusal::of(error) {
             Some(Refusal::TooLong { .. }) => {
                 let most = self.max_bytes;
-                let message =
-                    format!("with `{shown}`, the graph and its included files exceed {most} bytes");
+                let message = format!("with `{shown}`, the graph and its included files exceed {most} bytes");
                 Diagnostic::error("E0108", span, message).help("include less, or split the graph")
             }
             _ => Diagnostic::error("E0108", span, format!("cannot read `{shown}`: {error}"))

@@ -203,7 +203,7 @@ fn introduce(arguments: &Arguments, supervisor: &Supervisor) {
         }
     }
     if let Some(address) = supervisor.osc_address() {
-        eprint(&format!("listening for settings (Open Sound Control) at {address}\n"));
+        eprint(&format!("listening for settings by Open Sound Control at {address}\n"));
     }
     let unrested = supervisor.unrested();
     if !unrested.is_empty() {

@@ -113,7 +113,8 @@ impl Table {
                 continue;
             }
             if self.has(&plain) {
-                let message = format!("two columns are read as {plain}; choose one with --column {plain}=NAME");
+                let message =
+                    format!("two columns are read as {plain}; choose one with --column {plain}=NAME");
                 return Err(self.cell_error(self.header_line, index + 1, message));
             }
             let mut column = Column::new(plain, name, index);
