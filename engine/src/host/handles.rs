@@ -120,7 +120,7 @@ pub enum HostError {
 /// Reason why a frame was not queued.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Full {
-    /// The queue holds a second of frames: [`Player::process`](super::Player::process) is not called.
+    /// The queue holds a second of frames: [`Player::process`](crate::run::Player::process) is not called.
     #[error("the queue is full: `Player::process` is not called")]
     Full,
     /// A component or the time is NaN or infinite.
