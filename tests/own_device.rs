@@ -5,11 +5,16 @@
 #[path = "../examples/custom_device.rs"]
 mod custom_device;
 
+use haptograph::engine::device::{Device, DeviceEntry, DeviceKind, DeviceSpec};
+use haptograph::engine::node::{BuildContext, BuildError};
 use haptograph::engine::silence::InputState;
-use haptograph::live::BackendError;
 use haptograph::live::supervisor::{Event, Request, RunOptions, StartError, Supervisor};
+use haptograph::live::{BackendEntry, BackendError, NumberSource, Readers, add_backend};
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::thread::JoinHandle;
 
 /// A graph that reads the number in a file, and steps by parameters.
 fn graph(folder: &Path, kind: &str) -> RunOptions {
@@ -78,10 +83,58 @@ fn a_real_device_that_nothing_reaches_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let options = graph(folder.path(), "Workload()");
     let mut registry = haptograph::nodes::registry();
-    registry.add_device(haptograph::engine::device::DeviceEntry::of::<custom_device::Workload>());
+    registry.add_device(DeviceEntry::of::<custom_device::Workload>());
     let refused = Supervisor::start(options, &registry, None).map(drop);
     assert!(
         matches!(&refused, Err(StartError::Backend(BackendError::Unreached { device, .. })) if device == "work"),
+        "{refused:?}"
+    );
+}
+
+/// A body that no source of numbers can reach.
+#[derive(Clone)]
+struct Deaf;
+
+impl Device for Deaf {
+    fn advance(&mut self) {}
+    fn read(&mut self, _: usize, frame: &mut [f64]) {
+        frame.fill(0.0);
+    }
+    fn write(&mut self, _: usize, _: &[f64]) {}
+}
+
+impl DeviceKind for Deaf {
+    type Settings = custom_device::WorkloadSettings;
+    const SPEC: DeviceSpec = custom_device::Workload::SPEC;
+    fn build(_: Self::Settings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        Ok(Box::new(Self))
+    }
+}
+
+struct Unheard;
+
+impl NumberSource for Unheard {
+    type Kind = Deaf;
+    type Address = String;
+    type Field = usize;
+    fn locate(settings: &custom_device::WorkloadSettings) -> std::io::Result<(String, usize)> {
+        Ok((settings.file.clone(), 1))
+    }
+    fn listen(_: &String, _: Readers<usize>, _: Arc<AtomicBool>) -> std::io::Result<JoinHandle<()>> {
+        panic!("nothing reads it")
+    }
+}
+
+#[test]
+fn a_device_whose_body_takes_no_numbers_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = graph(folder.path(), "Workload()");
+    let mut registry = haptograph::nodes::registry();
+    registry.add_device(DeviceEntry::of::<Deaf>());
+    add_backend(&mut registry, BackendEntry::numbers::<Unheard>("deaf"));
+    let refused = Supervisor::start(options, &registry, None).map(drop);
+    assert!(
+        matches!(&refused, Err(StartError::Backend(BackendError::Place { device, .. })) if device == "work"),
         "{refused:?}"
     );
 }

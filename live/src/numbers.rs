@@ -203,9 +203,11 @@ impl<S: NumberSource> Backend for Listeners<S> {
                 continue;
             };
             let located = S::locate(settings).map_err(|error| failed(&name, &"its address", error))?;
-            if let Some(body) = graph.body_mut::<NumberInput>(device) {
-                body.attach(&self.link(&name, located, body.timeout())?);
-            }
+            let no_body =
+                || std::io::Error::other("the kind of this device has no `NumberInput` as its body");
+            let body = graph.body_mut::<NumberInput>(device);
+            let body = body.ok_or_else(|| failed(&name, &located.0, no_body()))?;
+            body.attach(&self.link(&name, located, body.timeout())?);
         }
         Ok(())
     }

@@ -1,7 +1,6 @@
 //! Cost of each step of running plans, measured by timing a fraction of the quanta step by step.
 
 use super::cost::{StepObserver, clock_ns};
-use super::player::Player;
 use super::virtual_clock::VirtualClock;
 use crate::node_id::NodeId;
 use crate::plan::{Plan, Step};
@@ -156,7 +155,7 @@ impl Profile {
         self.timed += 1;
         let drivers = &mut self.drivers;
         drivers.iter_mut().for_each(|driver| driver.stopwatch.steps.fill((0.0, 0)));
-        self.clock.run_quantum_by(Player::begin, |driver, player, mut left| {
+        self.clock.run_quantum_by(|driver, player, mut left| {
             let (run, stopwatch) = (player.run_mut(), &mut drivers[driver].stopwatch);
             while left > 0 {
                 let block = left.min(run.plan.block);
@@ -177,7 +176,7 @@ impl Profile {
     /// Runs a quantum and adds the time of each driver to `took_ns`.
     pub fn run_quantum_by_driver(&mut self, took_ns: &mut [f64]) {
         let clock_ns = self.clock_ns;
-        self.clock.run_quantum_by(Player::begin, |driver, player, frames| {
+        self.clock.run_quantum_by(|driver, player, frames| {
             let begun = Instant::now();
             player.run_due(frames, &mut |_, _| {});
             took_ns[driver] += begun.elapsed().as_nanos() as f64 - clock_ns;

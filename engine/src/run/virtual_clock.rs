@@ -78,7 +78,7 @@ impl VirtualClock {
     /// Runs a quantum and calls `each` after every block of every driver. Real-time code, like [`Player::process`].
     pub fn run_quantum(&mut self, mut each: impl FnMut(usize, &Run)) {
         let longest = self.longest;
-        self.run_quantum_by(Player::begin, |driver, player, mut left| {
+        self.run_quantum_by(|driver, player, mut left| {
             while left > 0 {
                 let part = left.min(longest);
                 player.run_due(part, &mut |run, _| each(driver, run));
@@ -87,16 +87,12 @@ impl VirtualClock {
         });
     }
 
-    /// Runs a quantum in which `begin` begins the quantum of each player and `by` then runs its frames.
-    pub(super) fn run_quantum_by(
-        &mut self,
-        mut begin: impl FnMut(&mut Player),
-        mut by: impl FnMut(usize, &mut Player, usize),
-    ) {
+    /// Runs a quantum in which `by` runs the frames of each player.
+    pub(super) fn run_quantum_by(&mut self, mut by: impl FnMut(usize, &mut Player, usize)) {
         self.quanta += 1;
         for driver in 0..self.players.len() {
             self.due[driver] = self.due(driver);
-            begin(&mut self.players[driver]);
+            self.players[driver].begin();
         }
         for (driver, (player, frames)) in self.players.iter_mut().zip(&self.due).enumerate() {
             by(driver, player, *frames);
