@@ -104,7 +104,17 @@ impl LaneFilter {
             return;
         };
         tuning.asked = asked;
-        if let Ok(sections) = tuning.prototype.at(asked, tuning.rate_hz) {
+        let rate_hz = tuning.rate_hz;
+        let sections = match tuning.prototype.at(asked, rate_hz) {
+            // Tune to the nearest frequencies that the coefficients can represent.
+            Err(DesignError::Extreme { lowest_hz, .. }) => {
+                let least_hz = lowest_hz * (1.0 + 1e-9);
+                let nearest = asked.map(|hz| hz.clamp(least_hz, 0.5 * rate_hz - least_hz));
+                tuning.prototype.at(nearest, rate_hz)
+            }
+            designed => designed,
+        };
+        if let Ok(sections) = sections {
             self.lanes.iter_mut().for_each(|lane| lane.turn(&sections));
         }
     }

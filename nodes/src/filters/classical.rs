@@ -319,6 +319,17 @@ mod tests {
     }
 
     #[test]
+    fn a_cut_off_too_low_for_the_coefficients_is_tuned_to_the_lowest() {
+        for order in [1, 2, 7] {
+            let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::SCALAR]).unwrap();
+            bench.run(&[&[0.0; 100]]);
+            bench.set(CutoffSettings::cutoff_hz, 1e-6);
+            let y = bench.run(&[&[1.0; 1000]]).remove(0);
+            assert!(y.iter().all(|y| y.abs() < 0.01), "{order}: {:?}", y.last());
+        }
+    }
+
+    #[test]
     fn edges_that_make_no_band_leave_the_last_one() {
         let band = BandPassSettings { low_hz: Some(40.0), high_hz: Some(90.0), order: 2 };
         let run = |first: &[(LiveId<BandPassSettings>, f64)]| {
