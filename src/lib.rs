@@ -15,6 +15,8 @@
 //! | `midi-jack` | MIDI by JACK or PipeWire in place of ALSA's sequencer; the headers of ALSA are needed too |
 //! | `serial` | serial ports, on Linux and macOS |
 
+#![cfg_attr(not(test), warn(unreachable_pub))]
+
 #[cfg(feature = "command")]
 pub mod cli;
 pub mod recorder;

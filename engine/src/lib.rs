@@ -17,7 +17,6 @@ pub mod formula;
 pub mod frame;
 pub mod graph;
 pub(crate) mod histogram;
-#[allow(unreachable_pub)]
 pub mod host;
 mod io;
 pub mod limiter;
@@ -25,7 +24,6 @@ pub mod node;
 mod node_id;
 pub mod plan;
 pub mod registry;
-#[allow(unreachable_pub)]
 pub mod run;
 mod scripted;
 pub mod settings;

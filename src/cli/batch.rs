@@ -23,7 +23,7 @@ use std::sync::atomic::Ordering;
 /// second of five parts on any machine; `haptograph batch merge` joins all parts into one folder.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
     /// The plan
@@ -85,7 +85,7 @@ enum Command {
     },
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Some(Command::Merge { parts, output, json }) => return merge(parts, output, *json),
         Some(Command::Wav { plan, jobs, output, force, json }) => {

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 /// Measure the cost of each node of a graph on this machine
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
     /// Duration of the measurement
@@ -46,7 +46,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// discard the rest.
 const TURNS: u32 = 200;
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
     let claim = |path: &PathBuf| {

@@ -13,7 +13,7 @@ fn missing(graph: &Graph) -> Vec<(BackendEntry, Vec<&str>)> {
 }
 
 /// Refuses a live run of a graph whose devices this build does not support, and names all missing features.
-pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
+pub(super) fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     let missing = missing(graph);
     if missing.is_empty() {
         return Ok(());
@@ -32,7 +32,7 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
 }
 
 /// The command that builds haptograph with these features.
-pub fn how_to_build(features: &[&str]) -> String {
+pub(super) fn how_to_build(features: &[&str]) -> String {
     let of_alsa = [soundcard::BACKEND.feature, midi::BACKEND.feature];
     let headers = match features.iter().any(|feature| of_alsa.contains(feature)) {
         true => {
@@ -44,7 +44,7 @@ pub fn how_to_build(features: &[&str]) -> String {
 }
 
 /// The error that the sound of a run cannot be played, with the effect on the run and the page that plays the sound.
-pub fn cannot_play(error: &SoundcardError, run: &str) -> Failure {
+pub(super) fn cannot_play(error: &SoundcardError, run: &str) -> Failure {
     let help = match error {
         SoundcardError::NotBuilt => format!("; {}", how_to_build(&[soundcard::BACKEND.feature])),
         _ => String::new(),

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 /// Check a graph and report every problem
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
     /// Print the findings as JSON
@@ -26,7 +26,7 @@ pub struct Arguments {
     plan: bool,
 }
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let (findings, sound) = match arguments.graph.load(registry, None) {
         Ok(graph) => (warnings(&graph), Some(graph)),

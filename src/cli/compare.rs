@@ -22,7 +22,7 @@ use std::path::PathBuf;
 /// (its acceleration or its only column; see --column), or any recording that `learn` reads, processed as
 /// there. Both are compared over the time that both cover. Level errors are positive if the first is louder.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// One vibration
     a: PathBuf,
     /// The vibration to compare with
@@ -107,7 +107,7 @@ struct BandError {
     error_db: f64,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let (column, import) = import(arguments)?;
     let (a, b) = (Signal::read(&arguments.a, column, &import)?, Signal::read(&arguments.b, column, &import)?);
     signal::warn_of_units([&a, &b]);

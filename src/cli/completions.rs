@@ -10,12 +10,12 @@ use clap_complete::Shell;
 /// `haptograph completions zsh > FOLDER/_haptograph`, where FOLDER is in `$fpath`; fish: `haptograph
 /// completions fish > ~/.config/fish/completions/haptograph.fish`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The shell
     shell: Shell,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut text = Vec::new();
     clap_complete::generate(arguments.shell, &mut program(), "haptograph", &mut text);
     print(&String::from_utf8_lossy(&text))

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// Reads what `learn` reads. The toolkit's three files hold a processed recording with all axes in the
 /// world's frame; a raw one is processed as by `learn`. They have no field for the gesture.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The recording
     #[arg(value_name = "IN")]
     input: PathBuf,
@@ -32,7 +32,7 @@ pub struct Arguments {
     import: Import,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("write", &arguments.output, error);
     let names = file_names(&arguments.output).map_err(|error| failed(&error))?;
     for name in &names {

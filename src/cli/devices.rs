@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// List the soundcards, tablets, mice, serial ports and MIDI ports of this machine
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// Also list the sample formats of each soundcard for playback and capture
     #[arg(long)]
     formats: bool,
@@ -23,7 +23,7 @@ pub struct Arguments {
     json: bool,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let found = match list() {
         Err(SoundcardError::NotBuilt) => Vec::new(),
         found => found.map_err(Failure::message)?,

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 /// Check this machine for low latency and advise
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// Print the findings as JSON
     #[arg(long)]
     json: bool,
@@ -37,7 +37,7 @@ impl Finding {
     }
 }
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut findings = Vec::new();
     if cfg!(target_os = "linux") {
         findings.extend(limits(&read(Path::new("/proc/self/limits"))));

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// Draw a graph as SVG, DOT or Mermaid
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
     /// The file to write: .svg, .dot (Graphviz) or .mmd (Mermaid); default: SVG to standard output
@@ -67,7 +67,7 @@ fn no_such_drawing(path: &Path) -> String {
     )
 }
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
     let is_text = arguments.output.as_ref().is_some_and(|output| !output.is_svg);

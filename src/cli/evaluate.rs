@@ -1,7 +1,7 @@
 //! `haptograph evaluate`: the error of virtual surfaces against recordings of the real ones (thesis 2.5).
 
 mod holdout;
-pub mod shards;
+pub(super) mod shards;
 mod tables;
 mod takes;
 
@@ -27,7 +27,7 @@ use takes::{list_takes, read_takes};
 
 /// What to evaluate, and how
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The folder of recordings
     #[arg(required = true)]
     dir: Option<PathBuf>,
@@ -71,7 +71,7 @@ enum PoolingArgument {
     All,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let import = arguments.settings.import(&arguments.import)?;
     if arguments.holdout {

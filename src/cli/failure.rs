@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 /// Error of a command.
 #[derive(Debug, thiserror::Error)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// The graph failed its checks.
     #[error("{0}")]
     Graph(Diagnostics),
@@ -37,30 +37,30 @@ pub enum Failure {
 
 /// Output format of failures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ErrorForm {
+pub(crate) enum ErrorForm {
     Text,
     Json,
 }
 
 impl Failure {
     /// An error in its own words.
-    pub fn message(error: impl Display) -> Self {
+    pub(crate) fn message(error: impl Display) -> Self {
         Self::Message(error.to_string())
     }
 
     /// Error of an operation on a file.
-    pub fn file(doing: &str, path: &Path, error: &dyn Display) -> Self {
+    pub(crate) fn file(doing: &str, path: &Path, error: &dyn Display) -> Self {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
     }
 
     /// The same for the error of a result.
-    pub fn doing<E: Display>(doing: &str, path: &Path) -> impl FnOnce(E) -> Self {
+    pub(crate) fn doing<E: Display>(doing: &str, path: &Path) -> impl FnOnce(E) -> Self {
         move |error| Self::file(doing, path, &error)
     }
 
     /// For a failure after the command has printed its facts: with `--json` standard output holds nothing but
     /// the facts.
-    pub fn after_facts(self, json: bool) -> Self {
+    pub(crate) fn after_facts(self, json: bool) -> Self {
         if !json || matches!(self, Self::BrokenPipe | Self::Interrupted) {
             return self;
         }
@@ -69,7 +69,7 @@ impl Failure {
     }
 
     /// Prints the failure and returns the exit code.
-    pub fn report(self, form: ErrorForm) -> ExitCode {
+    pub(crate) fn report(self, form: ErrorForm) -> ExitCode {
         if let Self::Usage(error) = &self {
             refuse_usage(error);
         }
@@ -112,12 +112,12 @@ impl Failure {
 }
 
 /// Findings about a graph as JSON.
-pub fn findings_json(findings: &Diagnostics) -> serde_json::Value {
+pub(super) fn findings_json(findings: &Diagnostics) -> serde_json::Value {
     serde_json::from_str(&to_json(findings)).unwrap_or_default()
 }
 
 /// Prints to standard output. A closed pipe ends the command without a message.
-pub fn print(text: &str) -> Result<(), Failure> {
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
     // Keeps the order of messages if both streams go to one place.
     stderr::flush();
     let mut out = std::io::stdout().lock();
@@ -128,14 +128,14 @@ pub fn print(text: &str) -> Result<(), Failure> {
 }
 
 /// Prints a value to standard output as one line of JSON.
-pub fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
         .map_err(|error| Failure::Message(format!("cannot write the result as JSON: {error}")))?;
     print(&(text + "\n"))
 }
 
 /// Prints usage errors, `--help` and `--version` in clap's words; exits with 2 or 0.
-pub fn refuse_usage(error: &clap::Error) -> ! {
+pub(super) fn refuse_usage(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
         let text = error.to_string();
         let object = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });

@@ -27,7 +27,7 @@ use std::path::PathBuf;
 /// them an unobservable scale, and the sweep yields five numbers.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("scale").args(["body_g", "force_n_per_a"]))]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The recording
     recording: PathBuf,
     /// Known mass of the magnet
@@ -72,7 +72,7 @@ impl Arguments {
     }
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let import = arguments.import.settings().map_err(Failure::Message)?;
     let (file, findings) =

@@ -8,7 +8,7 @@ use std::ops::RangeInclusive;
 /// Flags for reading the tables of other data loggers.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Reading tables")]
-pub struct Import {
+pub(super) struct Import {
     /// The column that holds a quantity, such as speed=v_mm_s
     #[arg(long = "column", value_name = "QUANTITY=NAME", value_parser = pair)]
     columns: Vec<(String, String)>,
@@ -19,7 +19,7 @@ pub struct Import {
 /// Import flags other than the columns.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Reading tables")]
-pub struct Tables {
+pub(super) struct Tables {
     /// The unit of a quantity whose column does not state it, such as accel=g; 1 stands for an unknown unit
     #[arg(long = "unit", value_name = "QUANTITY=UNIT", value_parser = pair)]
     units: Vec<(String, String)>,
@@ -40,7 +40,7 @@ pub struct Tables {
 /// Flags for what touched the surface, which recordings rarely state.
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "What touched the surface")]
-pub struct Touch {
+pub(super) struct Touch {
     /// Diameter of the tool's tip, mm
     #[arg(long, value_name = "MM", value_parser = |text: &str| touch("tip_diameter_mm", text))]
     tip_diameter: Option<String>,
@@ -58,7 +58,7 @@ fn touch(name: &str, text: &str) -> Result<String, String> {
 
 impl Touch {
     /// The same import settings with these facts.
-    pub fn added_to(&self, mut settings: ImportSettings) -> ImportSettings {
+    pub(super) fn added_to(&self, mut settings: ImportSettings) -> ImportSettings {
         let stated = [&self.tip_diameter, &self.grip, &self.touched_with];
         for (name, value) in TOUCH.into_iter().zip(stated) {
             settings.touch.extend(value.clone().map(|value| (name.to_owned(), value)));
@@ -88,14 +88,14 @@ fn pair(text: &str) -> Result<(String, String), String> {
 
 impl Import {
     /// The import settings of these flags.
-    pub fn settings(&self) -> Result<ImportSettings, String> {
+    pub(super) fn settings(&self) -> Result<ImportSettings, String> {
         self.tables.settings(&self.columns)
     }
 }
 
 impl Tables {
     /// The import settings of these flags, with the columns of quantities.
-    pub fn settings(&self, columns: &[(String, String)]) -> Result<ImportSettings, String> {
+    pub(super) fn settings(&self, columns: &[(String, String)]) -> Result<ImportSettings, String> {
         let settings = ImportSettings {
             rate_hz: self.sample_rate,
             full_scale_m_s2: self.full_scale,
@@ -112,7 +112,7 @@ impl Tables {
 
 /// A column, alone or with the quantity it holds.
 #[derive(Debug, Clone, PartialEq)]
-pub enum NamedColumn {
+pub(super) enum NamedColumn {
     /// Column name.
     Plain(String),
     /// Quantity and column name.
@@ -120,7 +120,7 @@ pub enum NamedColumn {
 }
 
 /// Parses `NAME` or `QUANTITY=NAME`. Text with `=` is a column name if its first part is not a quantity.
-pub fn named_column(text: &str) -> Result<NamedColumn, String> {
+pub(super) fn named_column(text: &str) -> Result<NamedColumn, String> {
     Ok(match pair(text) {
         Ok((quantity, column)) if QUANTITIES.contains(&&*quantity) => NamedColumn::Quantity(quantity, column),
         _ => NamedColumn::Plain(text.to_owned()),

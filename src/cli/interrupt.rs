@@ -10,14 +10,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Exit code after ctrl-C: 128 plus the number of the signal.
-pub const INTERRUPTED: u8 = 130;
+pub(super) const INTERRUPTED: u8 = 130;
 
 /// Stop flag of the running command, if it polls one.
 static STOP: Mutex<Option<Arc<AtomicBool>>> = Mutex::new(None);
 
 /// Installs the handlers, before any thread is started. Ctrl-C then ends the process with the exit code and not by the signal.
 /// Signals that the parent process ignores, for example under `nohup`, stay ignored.
-pub fn listen() {
+pub(super) fn listen() {
     #[cfg(unix)]
     {
         use nix::sys::signal::{SigSet, Signal};
@@ -31,7 +31,7 @@ pub fn listen() {
 }
 
 /// The flag that the first ctrl-C sets; the second ctrl-C ends the process.
-pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
+pub(super) fn flag() -> Result<Arc<AtomicBool>, Failure> {
     match ctrlc::set_handler(interrupted) {
         Ok(()) | Err(ctrlc::Error::MultipleHandlers) => {}
         Err(error) => return Err(Failure::Message(format!("cannot listen for ctrl-C: {error}"))),

@@ -9,7 +9,7 @@ const MAX_LINES: usize = 1000;
 
 /// A line being edited.
 #[derive(Debug, Default)]
-pub struct Editor {
+pub(super) struct Editor {
     line: Vec<char>,
     cursor: usize,
     history: Vec<String>,
@@ -21,7 +21,7 @@ pub struct Editor {
 
 impl Editor {
     /// Processes a byte from the keyboard; returns the line that it completes.
-    pub fn feed(&mut self, byte: u8) -> Option<String> {
+    pub(super) fn feed(&mut self, byte: u8) -> Option<String> {
         if !self.begun.is_empty() || byte == 0x1b || byte >= 0x80 {
             self.begun.push(byte);
             self.go_on();
@@ -42,7 +42,7 @@ impl Editor {
     }
 
     /// The text to display.
-    pub fn prompt(&self) -> Prompt {
+    pub(super) fn prompt(&self) -> Prompt {
         Prompt { text: self.line.iter().collect(), cursor: self.cursor }
     }
 
@@ -135,7 +135,7 @@ impl Editor {
 }
 
 #[cfg(unix)]
-pub use raw::{RawMode, is_in_front, restore};
+pub(super) use raw::{RawMode, is_in_front, restore};
 
 /// Terminal input without line buffering.
 #[cfg(unix)]
@@ -149,11 +149,11 @@ mod raw {
 
     /// Delivers every key until it is dropped. Ctrl-C still raises its signal.
     #[derive(Debug)]
-    pub struct RawMode(());
+    pub(crate) struct RawMode(());
 
     impl RawMode {
         /// `None` without a terminal, or if the terminal does not support raw mode.
-        pub fn begin() -> Option<Self> {
+        pub(crate) fn begin() -> Option<Self> {
             let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
             if is_dumb || !stdin().is_terminal() || !stderr().is_terminal() || !is_in_front() {
                 return None;
@@ -177,12 +177,12 @@ mod raw {
 
     /// True if this process group is in the foreground of the terminal; a background process would be stopped for
     /// reading from it or changing its settings.
-    pub fn is_in_front() -> bool {
+    pub(crate) fn is_in_front() -> bool {
         nix::unistd::tcgetpgrp(stdin()).is_ok_and(|front| front == nix::unistd::getpgrp())
     }
 
     /// Restores the terminal settings.
-    pub fn restore() {
+    pub(crate) fn restore() {
         let before = BEFORE.lock().ok().and_then(|mut before| before.take());
         if let Some(before) = before {
             // A closed terminal needs no settings.

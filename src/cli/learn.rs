@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 /// clock form one recording if their names are joined: force.csv+accel.csv. A file that does not state its
 /// gesture is a drag, unless given by --circle, --tap or --press.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// Recordings of one material; or a folder of recordings, each learned into the folder of --output
     #[arg(value_name = "RECORDING", required_unless_present_any = ["circle", "tap", "press"])]
     recordings: Vec<PathBuf>,
@@ -96,7 +96,7 @@ impl Arguments {
 
 /// Flags of learning textures.
 #[derive(Debug, clap::Args)]
-pub struct Settings {
+pub(super) struct Settings {
     /// The reduction of the three axes of acceleration to one
     #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
     reduction: Reduction,
@@ -166,7 +166,7 @@ enum Fit {
 }
 
 impl Settings {
-    pub fn processing(&self) -> ProcessingSettings {
+    pub(super) fn processing(&self) -> ProcessingSettings {
         let reduction = match self.reduction {
             Reduction::Dft321 => AxisReduction::Dft321,
             Reduction::Sum => AxisReduction::Sum,
@@ -186,12 +186,12 @@ impl Settings {
     }
 
     /// The import settings, with the low-pass of velocities from the positions of tables.
-    pub fn import(&self, import: &Import) -> Result<ImportSettings, Failure> {
+    pub(super) fn import(&self, import: &Import) -> Result<ImportSettings, Failure> {
         let settings = import.settings().map_err(Failure::Message)?;
         Ok(ImportSettings { velocity_lowpass_hz: self.velocity_lowpass, ..settings })
     }
 
-    pub fn texture(&self) -> TextureMethod {
+    pub(super) fn texture(&self) -> TextureMethod {
         match self.method {
             Method::Law => {
                 let usual = LawSettings::default();
@@ -228,7 +228,7 @@ fn name(text: &str) -> Result<String, String> {
     }
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     if let [dir] = &arguments.recordings[..]
         && dir.is_dir()
     {

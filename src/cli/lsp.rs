@@ -23,9 +23,9 @@ use text::{Context, Positions, context, word_at};
 /// Speaks the Language Server Protocol on standard input and output; docs/editors.md describes the set-up of
 /// VS Code and Helix.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub(super) struct Arguments {}
 
-pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut server = Server { registry, texts: HashMap::new(), is_shut: false };
     let (mut input, mut output) = (std::io::stdin().lock(), std::io::stdout().lock());
     server

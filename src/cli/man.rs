@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// `haptograph man run | man -l -` displays one page, `haptograph man surface show` prints that of a nested
 /// command.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The command, and a nested command; default: the page of haptograph itself
     command: Vec<String>,
     /// Write the pages of all commands into this folder, as haptograph-COMMAND.1
@@ -21,7 +21,7 @@ pub struct Arguments {
     force: Force,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut all = program();
     all.build();
     match &arguments.out {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// Write a commented graph to start from
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The file to create; it must not exist
     file: PathBuf,
     /// Print the written file as JSON
@@ -19,7 +19,7 @@ pub struct Arguments {
 /// Runs without changes and reads no other file.
 const STARTER: &str = include_str!("new/starter.ron");
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let path = &arguments.file;
     if path.symlink_metadata().is_ok() {
         let message = format!("{} exists already; give another name", path.display());

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 /// List the kinds of nodes, devices and bridges and the library's templates, or describe one of them
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// A kind of node or device, a template, or a bridge
     name: Option<String>,
     /// List the kinds of this group only
@@ -33,7 +33,7 @@ pub struct Arguments {
 /// Line width in characters if the terminal does not report its own.
 const WIDTH: usize = 100;
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let filter = Filter { group: arguments.group.clone(), words: arguments.find.clone() };
     match &arguments.name {
         None if arguments.markdown => print(&reference::book(registry)),

@@ -13,7 +13,7 @@ static LIVE: AtomicBool = AtomicBool::new(false);
 static UNREPORTED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// Installs the hook.
-pub fn install() {
+pub(super) fn install() {
     std::panic::set_hook(Box::new(|info| {
         let text = describe(info);
         if !LIVE.load(Ordering::Relaxed) {
@@ -29,10 +29,10 @@ pub fn install() {
 }
 
 /// Guard of a live run: until it is dropped, panics are kept for [`take_unreported`].
-pub struct LiveGuard(());
+pub(super) struct LiveGuard(());
 
 impl LiveGuard {
-    pub fn begin() -> Self {
+    pub(super) fn begin() -> Self {
         LIVE.store(true, Ordering::Relaxed);
         Self(())
     }
@@ -46,7 +46,7 @@ impl Drop for LiveGuard {
 }
 
 /// Takes the panics kept since the last call.
-pub fn take_unreported() -> Vec<String> {
+pub(super) fn take_unreported() -> Vec<String> {
     let kept = UNREPORTED.try_lock();
     kept.map_or_else(|_| Vec::new(), |mut kept| std::mem::take(&mut *kept))
 }

@@ -10,10 +10,12 @@ mod file;
 mod folder;
 mod manifest;
 
-pub use commit::MOVES;
-pub use file::{Force, Output, replaceable};
-pub use folder::{MARK, MARKER, PROBES, REPLACED, RunFolder, complete_move, dead_in, lock, rename_recovered};
-pub use manifest::MANIFEST;
+pub(super) use commit::MOVES;
+pub(super) use file::{Force, Output, replaceable};
+pub(super) use folder::{
+    MARK, MARKER, PROBES, REPLACED, RunFolder, complete_move, dead_in, lock, rename_recovered,
+};
+pub(super) use manifest::MANIFEST;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};

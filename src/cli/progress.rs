@@ -11,7 +11,7 @@ const STEPS: f64 = 1000.0;
 
 /// The progress of one task. Dropping it removes the bar.
 #[derive(Debug)]
-pub struct Progress {
+pub(super) struct Progress {
     bar: ProgressBar,
     begun: Instant,
     shown: AtomicBool,
@@ -19,7 +19,7 @@ pub struct Progress {
 
 impl Progress {
     /// Starts the progress of a task of known length.
-    pub fn of(doing: &'static str) -> Self {
+    pub(super) fn of(doing: &'static str) -> Self {
         let style = ProgressStyle::with_template("{msg} {bar:40} {percent:>3} %  {eta} left");
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden())
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
@@ -28,7 +28,7 @@ impl Progress {
     }
 
     /// Sets the fraction that is done, 0 to 1.
-    pub fn at(&self, part: f64) {
+    pub(super) fn at(&self, part: f64) {
         if is_animated() && self.begun.elapsed() > PATIENCE && !self.shown.swap(true, Ordering::Relaxed) {
             self.bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
         }
@@ -36,7 +36,7 @@ impl Progress {
     }
 
     /// Starts the progress of a task of unknown length, shown as a spinner.
-    pub fn unknown(doing: &'static str) -> Self {
+    pub(super) fn unknown(doing: &'static str) -> Self {
         let bar = match is_animated() {
             true => ProgressBar::new_spinner().with_message(doing),
             false => ProgressBar::hidden(),

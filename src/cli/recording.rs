@@ -19,7 +19,7 @@ const HEAD_BYTES: u64 = 1 << 16;
 
 /// A recording read from a file.
 #[derive(Debug)]
-pub struct Loaded {
+pub(super) struct Loaded {
     /// The recording.
     pub recording: AnyRecording,
     /// True if the file itself states the gesture.
@@ -32,7 +32,7 @@ pub struct Loaded {
 
 /// Reads a recording, from several files if their names are joined by `+`, and prints findings and repairs as
 /// warnings.
-pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
+pub(super) fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
     let loaded = try_load(path, import).map_err(|error| failure(&error))?;
     loaded.warn();
     Ok(loaded)
@@ -40,13 +40,13 @@ pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure
 
 impl Loaded {
     /// Prints the findings and repairs.
-    pub fn warn(&self) {
+    pub(super) fn warn(&self) {
         self.warnings.iter().for_each(|warning| eprint(&format!("warning: {warning}\n")));
     }
 }
 
 /// The same without printing.
-pub fn try_load(path: &Path, import: &ImportSettings) -> Result<Loaded, LoadError> {
+pub(super) fn try_load(path: &Path, import: &ImportSettings) -> Result<Loaded, LoadError> {
     let paths = parts(path);
     let head = head(&paths[0]);
     let import = with_full_scale(&paths, import);
@@ -67,7 +67,7 @@ fn with_full_scale(paths: &[PathBuf], import: &ImportSettings) -> ImportSettings
 }
 
 /// A finding with the name of its file; unused columns get the nearest quantity.
-pub fn said(path: &Path, finding: &Finding) -> String {
+pub(super) fn said(path: &Path, finding: &Finding) -> String {
     let Finding::NotUsed { columns } = finding else {
         return format!("{}: {finding}", path.display());
     };
@@ -86,7 +86,7 @@ pub fn said(path: &Path, finding: &Finding) -> String {
 const MAX_NAMED: usize = 8;
 
 /// The failure to read a file, shown at its place if the file is text.
-pub fn failure(error: &LoadError) -> Failure {
+pub(super) fn failure(error: &LoadError) -> Failure {
     match error {
         LoadError::Read { path, source } => {
             at_its_place(path, source).map_or_else(|| Failure::Message(error.to_string()), Failure::Rendered)
@@ -114,7 +114,7 @@ fn is_text(bytes: &[u8]) -> bool {
 }
 
 /// The files of a take: one path, or several joined by `+`.
-pub fn parts(path: &Path) -> Vec<PathBuf> {
+pub(super) fn parts(path: &Path) -> Vec<PathBuf> {
     match path.to_str() {
         Some(text) if text.contains('+') && !path.exists() => text.split('+').map(PathBuf::from).collect(),
         _ => vec![path.to_owned()],
@@ -131,7 +131,7 @@ fn head(path: &Path) -> Option<CsvHead> {
 /// Contents of the note that a run writes beside a WAV or CSV file.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename = "Recording", default)]
-pub struct Note {
+pub(super) struct Note {
     /// Physical value of a WAV sample of 1.0.
     pub full_scale: Option<f64>,
     /// Unit of that value.
@@ -141,7 +141,7 @@ pub struct Note {
 }
 
 /// Reads the note beside a file; a missing note gives the defaults.
-pub fn note(path: &Path) -> Result<Note, Failure> {
+pub(super) fn note(path: &Path) -> Result<Note, Failure> {
     let note = path.with_added_extension("ron");
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     match files::read_text(&note, MAX_NOTE_BYTES) {
@@ -151,7 +151,7 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
 }
 
 /// True if a table is marked as simulated, by a line above its header or by the note beside it.
-pub fn is_simulated(path: &Path) -> Result<bool, Failure> {
+pub(super) fn is_simulated(path: &Path) -> Result<bool, Failure> {
     let origin = head(path).and_then(|head| head.origin);
     Ok(origin == Some(Origin::Simulated) || note(path)?.simulated)
 }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 /// Repair the files of a crashed run
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// Folders NAME.partial-N of crashed runs, folders GRAPH-strokes-N of a crashed studio, or single WAV files and folders
     /// FILE.part of recordings
     #[arg(required = true, value_name = "PATH")]
@@ -30,7 +30,7 @@ pub struct Arguments {
 /// Maximum depth of nested folders.
 const DEPTH: usize = 8;
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut repaired = Repaired { complete: true, done: Vec::new() };
     for path in &arguments.paths {
         for done in recover(path)? {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 
 /// A result. Its fields are the keys of its JSON, in alphabetical order.
-pub trait CommandResult: Serialize {
+pub(super) trait CommandResult: Serialize {
     /// True if its JSON has a line for each value.
     const INDENTED: bool = false;
 
@@ -14,7 +14,7 @@ pub trait CommandResult: Serialize {
 }
 
 /// Prints a result as text, or with `--json` as JSON.
-pub fn show<R: CommandResult>(result: &R, json: bool) -> Result<(), Failure> {
+pub(super) fn show<R: CommandResult>(result: &R, json: bool) -> Result<(), Failure> {
     match json {
         true if R::INDENTED => print(&indented(result)),
         true => print_json(result),
@@ -23,19 +23,19 @@ pub fn show<R: CommandResult>(result: &R, json: bool) -> Result<(), Failure> {
 }
 
 /// JSON with a line for each value.
-pub fn indented(result: &impl Serialize) -> String {
+pub(super) fn indented(result: &impl Serialize) -> String {
     // No result has keys that are not text.
     serde_json::to_string_pretty(result).unwrap_or_default() + "\n"
 }
 
 /// The last line of a result with a page.
-pub fn look_at(page: Option<&PathBuf>) -> String {
+pub(super) fn look_at(page: Option<&PathBuf>) -> String {
     page.map_or_else(String::new, |page| format!("look at {}\n", page.display()))
 }
 
 /// The files that a command wrote.
 #[derive(Debug, Serialize)]
-pub struct Written {
+pub(super) struct Written {
     written: Vec<PathBuf>,
     /// What the text says of them.
     #[serde(skip)]
@@ -44,11 +44,11 @@ pub struct Written {
 
 impl Written {
     /// One file, and what can be done with it.
-    pub fn new(path: PathBuf, advice: &str) -> Self {
+    pub(super) fn new(path: PathBuf, advice: &str) -> Self {
         Self { text: format!("wrote {}\n{advice}", path.display()), written: vec![path] }
     }
 
-    pub fn several(written: Vec<PathBuf>, text: String) -> Self {
+    pub(super) fn several(written: Vec<PathBuf>, text: String) -> Self {
         Self { written, text }
     }
 }

@@ -6,10 +6,10 @@ mod endpoints;
 mod facts;
 mod live;
 mod outputs;
-pub mod present;
+pub(super) mod present;
 mod replay;
 mod status;
-pub mod summary;
+pub(super) mod summary;
 
 use super::import::number;
 use super::placing::{self, Force, MARK, RunFolder, replaceable};
@@ -31,7 +31,7 @@ use summary::Summary;
 
 /// Run a graph and write the signals of its sinks, with a page to look at
 #[derive(Debug, Clone, Default, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(flatten)]
     pub graph: GraphArguments,
     /// Duration in the graph's own time; default: 10 s, or with --live until ctrl-C
@@ -77,7 +77,7 @@ pub struct Arguments {
     pub present: Present,
 }
 
-pub fn seconds(text: &str) -> Result<f64, String> {
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
     number(text, f64::MIN_POSITIVE..=1e7, "give a number of seconds above 0, at most 10000000")
 }
 
@@ -97,9 +97,9 @@ fn socket(text: &str) -> Result<SocketAddr, String> {
 }
 
 /// Default duration of an offline run, s.
-pub const DURATION_S: f64 = 10.0;
+pub(super) const DURATION_S: f64 = 10.0;
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     if arguments.live {
         return live::run(arguments, registry);
@@ -124,7 +124,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 }
 
 /// Warnings about real input devices in an offline run, where they deliver nothing.
-pub fn unreached(graph: &Graph) -> Vec<String> {
+pub(super) fn unreached(graph: &Graph) -> Vec<String> {
     let silent = graph.read_devices().filter(|device| !device.entry.spec.simulated);
     let warning = |device: &GraphDevice| {
         let reached = match device.entry.is_host() {
@@ -178,7 +178,7 @@ const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
 /// Refuses a graph with a sink that writes a file of the run itself.
-pub fn refuse_own_files(graph: &Graph, record: bool) -> Result<(), String> {
+pub(super) fn refuse_own_files(graph: &Graph, record: bool) -> Result<(), String> {
     let played = outputs::played_files(graph).into_iter().map(|(_, file)| file);
     let own = OWN_FILES.into_iter().chain(record.then_some(outputs::RECORD));
     let own: Vec<String> = own.map(str::to_owned).chain(played).collect();
@@ -261,7 +261,7 @@ fn place_of(path: &Path) -> PathBuf {
 }
 
 /// Records the signals of a run's page.
-pub fn plotted_signals(graph: &Graph, file_sinks: &mut FileSinks<'_>) -> PlottedSignals {
+pub(super) fn plotted_signals(graph: &Graph, file_sinks: &mut FileSinks<'_>) -> PlottedSignals {
     PlottedSignals::of(graph, |watch, writer| {
         file_sinks.probe(Probe { node: watch.node, output: watch.output, writer });
     })
@@ -299,14 +299,18 @@ impl Completion {
 }
 
 /// Options of an offline run.
-pub fn offline_options(arguments: &Arguments, duration_s: f64, stop: &Arc<AtomicBool>) -> SessionOptions {
+pub(super) fn offline_options(
+    arguments: &Arguments,
+    duration_s: f64,
+    stop: &Arc<AtomicBool>,
+) -> SessionOptions {
     let mut options = SessionOptions::default().block(arguments.block.into()).seconds(duration_s);
     options.stop = Arc::clone(stop);
     options
 }
 
 /// Runs with a progress bar; returns the outcome and the elapsed time, s.
-pub fn timed(file_sinks: FileSinks<'_>, options: &SessionOptions) -> Result<(Outcome, f64), Failure> {
+pub(super) fn timed(file_sinks: FileSinks<'_>, options: &SessionOptions) -> Result<(Outcome, f64), Failure> {
     let duration_s = options.seconds.unwrap_or(DURATION_S);
     let bar = Progress::of("running");
     let start = Instant::now();
@@ -317,7 +321,7 @@ pub fn timed(file_sinks: FileSinks<'_>, options: &SessionOptions) -> Result<(Out
 }
 
 /// The first ctrl-C ends the run with complete files, the second ends the program.
-pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
+pub(super) fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     let stop = interrupt::flag()?;
     stderr::start_queue(&stop)
         .map_err(|error| Failure::Message(format!("cannot start a thread: {error}")))?;

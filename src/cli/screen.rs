@@ -10,7 +10,7 @@ const PROMPT: &str = "> ";
 
 /// The input line.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Prompt {
+pub(super) struct Prompt {
     /// The line.
     pub text: String,
     /// Cursor position, characters.
@@ -20,13 +20,13 @@ pub struct Prompt {
 static TYPED: Mutex<Option<Prompt>> = Mutex::new(None);
 
 /// Sets the input line; `None` removes it.
-pub fn type_in(prompt: Option<Prompt>) {
+pub(super) fn type_in(prompt: Option<Prompt>) {
     *TYPED.lock().unwrap_or_else(PoisonError::into_inner) = prompt;
 }
 
 /// The block on the terminal.
 #[derive(Debug, Default)]
-pub struct Screen {
+pub(super) struct Screen {
     block: Vec<String>,
     /// Number of lines between the first drawn line and the cursor; `None` if nothing is drawn.
     drawn: Option<usize>,
@@ -34,25 +34,25 @@ pub struct Screen {
 
 impl Screen {
     /// Draws the block with new lines.
-    pub fn show(&mut self, block: Vec<String>, out: &mut impl Write) -> std::io::Result<()> {
+    pub(super) fn show(&mut self, block: Vec<String>, out: &mut impl Write) -> std::io::Result<()> {
         self.block = block;
         self.redraw(out)
     }
 
     /// Redraws after a change of the input line.
-    pub fn redraw(&mut self, out: &mut impl Write) -> std::io::Result<()> {
+    pub(super) fn redraw(&mut self, out: &mut impl Write) -> std::io::Result<()> {
         let text = self.erase() + &self.draw(width());
         out.write_all(text.as_bytes())
     }
 
     /// Writes lines above the block.
-    pub fn above(&mut self, text: &str, out: &mut impl Write) -> std::io::Result<()> {
+    pub(super) fn above(&mut self, text: &str, out: &mut impl Write) -> std::io::Result<()> {
         let text = self.erase() + text + if text.ends_with('\n') { "" } else { "\n" } + &self.draw(width());
         out.write_all(text.as_bytes())
     }
 
     /// Removes the block.
-    pub fn close(&mut self, out: &mut impl Write) -> std::io::Result<()> {
+    pub(super) fn close(&mut self, out: &mut impl Write) -> std::io::Result<()> {
         self.block.clear();
         let text = self.erase();
         out.write_all(text.as_bytes())
@@ -92,7 +92,7 @@ impl Screen {
 }
 
 /// Width of the terminal, columns.
-pub fn width() -> usize {
+pub(super) fn width() -> usize {
     usize::from(Term::stderr().size().1)
 }
 

@@ -21,7 +21,7 @@ use std::time::Duration;
 /// repaired or filtered, and every cell must hold a number. The printed samples therefore are rows of the
 /// table. `learn --method thesis` repairs and processes a logger's table before it segments it.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// A table with a header: CSV, a spreadsheet, or a MATLAB file up to -v7
     file: PathBuf,
     /// The column to segment, by its name in the header
@@ -51,7 +51,7 @@ pub struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Method {
+pub(super) enum Method {
     /// Dynamic programming over a grid, then refinement of the breaks sample by sample
     Exact,
     /// 25 islands, as in the thesis; slower, and never better than exact
@@ -59,7 +59,7 @@ pub enum Method {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Variance {
+pub(super) enum Variance {
     /// Conditional least squares, which estimates the number of breaks consistently
     LeastSquares,
     /// From the autocovariance, as in the thesis
@@ -69,7 +69,7 @@ pub enum Variance {
 }
 
 impl Variance {
-    pub fn estimate(self) -> VarianceEstimate {
+    pub(super) fn estimate(self) -> VarianceEstimate {
         match self {
             Self::LeastSquares => VarianceEstimate::ConditionalLeastSquares,
             Self::YuleWalker => VarianceEstimate::YuleWalker,
@@ -89,7 +89,7 @@ struct Segments {
     samples: usize,
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     refuse_idle_flags(arguments)?;
     let signal =
         load_column(&arguments.file, &arguments.column).map_err(|error| recording::failure(&error))?;

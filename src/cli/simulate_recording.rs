@@ -16,7 +16,7 @@ use std::sync::atomic::Ordering;
 
 /// Simulate the recording of a surface by graphs/recorder.ron, as input for learn
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The simulated material
     #[arg(long, value_parser = materials())]
     material: MaterialName,
@@ -65,7 +65,7 @@ fn recording_file(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let take = SimulatedTake {
         material: arguments.material,
         gesture: arguments.motion,

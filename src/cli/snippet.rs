@@ -13,7 +13,7 @@ use std::path::Path;
 const AROUND: usize = 60;
 
 /// The failure to read a file, shown at its place if that is known and the file can be read.
-pub fn failure(path: &Path, place: Option<Place>, message: &str, otherwise: &dyn Display) -> Failure {
+pub(super) fn failure(path: &Path, place: Option<Place>, message: &str, otherwise: &dyn Display) -> Failure {
     let bytes = place.and_then(|place| Some((place, files::read(path, files::MAX_RECORDING_BYTES).ok()?)));
     let Some((place, bytes)) = bytes else {
         return Failure::Message(otherwise.to_string());
@@ -24,7 +24,7 @@ pub fn failure(path: &Path, place: Option<Place>, message: &str, otherwise: &dyn
 }
 
 /// Renders `message` and `line` with a marker. `number` and `column` count from 1, columns in characters.
-pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {
+pub(super) fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {
     let renderer = if is_coloured(&std::io::stderr()) { Renderer::styled() } else { Renderer::plain() };
     let place = format!("{name}:{number}:{column}");
     let first = column.saturating_sub(AROUND + 1);

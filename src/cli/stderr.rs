@@ -27,7 +27,7 @@ struct Queue {
 
 /// A queued message.
 #[derive(Debug)]
-pub enum Message {
+pub(super) enum Message {
     Text(String),
     /// Lines of the status block at the lower end of the terminal; they replace the previous ones.
     Block(Vec<String>),
@@ -45,7 +45,7 @@ struct Counts {
 }
 
 /// Prints a message on standard error.
-pub fn eprint(text: &str) {
+pub(crate) fn eprint(text: &str) {
     match QUEUE.get() {
         Some(queue) => queue.put(Message::Text(text.to_owned())),
         None => write(text),
@@ -53,14 +53,14 @@ pub fn eprint(text: &str) {
 }
 
 /// Changes the display, if messages are queued.
-pub fn display(message: Message) {
+pub(super) fn display(message: Message) {
     if let Some(queue) = QUEUE.get() {
         queue.put(message);
     }
 }
 
 /// Starts the writing thread. From then on messages are queued; [`flush`] waits for them at the end.
-pub fn start_queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+pub(super) fn start_queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     let (messages, waiting) = sync_channel(MAX_QUEUED);
     let counts = Arc::new(Counts::default());
     let thread_counts = Arc::clone(&counts);
@@ -75,7 +75,7 @@ pub fn start_queue(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
 
 /// Waits until all queued messages are written or, after a stop, until the reader is blocked for half a
 /// second.
-pub fn flush() {
+pub(super) fn flush() {
     let Some(Queue { counts, stop, .. }) = QUEUE.get() else {
         return;
     };
@@ -141,7 +141,7 @@ fn write_one(message: Message, screen: &mut Option<Screen>) {
 }
 
 /// Prints without the queue, even if it blocks: the program may end right after a panic.
-pub fn write(text: &str) {
+pub(super) fn write(text: &str) {
     // A failed write to standard error is ignored: nobody reads it.
     let _ = std::io::stderr().write_all(text.as_bytes());
 }

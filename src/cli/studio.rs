@@ -21,7 +21,7 @@ use std::{io, process};
 /// moves, unless --live or --endpoints names another set: then its actuators are opened, and receive zeros
 /// until they are armed on the page. The page plays the signal of the first actuator, after its limits.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The graph file; several for a site (--export)
     #[arg(required = true)]
     graph: Vec<PathBuf>,
@@ -53,7 +53,7 @@ pub struct Arguments {
     export: Option<PathBuf>,
 }
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     refuse_repeated("--set", arguments.set.iter().map(|(name, _)| name.as_str()))?;
     if let Some(folder) = &arguments.export {
         return write_site(arguments, folder, registry);

@@ -11,14 +11,14 @@ mod show;
 use super::placing::{Force, Output};
 use super::{Failure, eprint, snippet};
 use crate::engine::registry::Registry;
-pub use crate::surfaces::files::check_extension;
+pub(super) use crate::surfaces::files::check_extension;
 use crate::surfaces::{Surface, TextureModel, files};
 use clap::Subcommand;
 use std::path::{Path, PathBuf};
 
 /// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(subcommand)]
     command: Command,
 }
@@ -34,7 +34,7 @@ enum Command {
     Image(image::Arguments),
 }
 
-pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Command::Show(arguments) => show::run(arguments),
         Command::Convert(arguments) => convert::run(arguments),
@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 }
 
 /// Reads a surface; an error is shown at its place in the file.
-pub fn load(path: &Path) -> Result<Surface, Failure> {
+pub(super) fn load(path: &Path) -> Result<Surface, Failure> {
     files::load(path).map_err(|error| match &error {
         files::FileError::Read { path, error: read } => {
             snippet::failure(path, read.place, &read.problem.to_string(), &error)
@@ -57,13 +57,13 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
 }
 
 /// Checks before the work that an output can be written.
-pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
+pub(super) fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
     files::check_extension(path).map_err(Failure::message)?;
     Output::claim(path, force)
 }
 
 /// Writes a surface and warns about what the format cannot hold; returns the path.
-pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
+pub(super) fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
     let (path, left_out) = output.write_by(|path| files::save(surface, path))?;
     if !left_out.is_empty() {
         eprint(&format!("warning: the format of {} cannot hold: {}\n", path.display(), left_out.join(", ")));

@@ -30,7 +30,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// first.
 #[derive(Debug, clap::Args)]
 #[command(group = ArgGroup::new("varied").args(["over", "case"]).required(true).multiple(true))]
-pub struct Arguments {
+pub(super) struct Arguments {
     #[command(flatten)]
     pub graph: GraphArguments,
     /// A parameter of the graph and its values; can be repeated
@@ -55,7 +55,7 @@ pub struct Arguments {
 
 /// Parameters and values of one run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Case(Vec<(String, String)>);
+pub(super) struct Case(Vec<(String, String)>);
 
 impl Case {
     /// Name of the case: `gain=2, seed=3`; only the value if all cases set the same single parameter.
@@ -155,7 +155,7 @@ struct Done {
 /// Maximum number of runs; each is kept in memory for the page.
 const MAX_RUNS: usize = 200;
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     refuse_unclear(arguments)?;
     let cases = arguments.cases();
     let graphs = checked(arguments, &cases, registry)?;

@@ -2,15 +2,15 @@
 
 use crate::report::table::Table;
 
-pub use crate::signal::units::decimal::significant;
+pub(super) use crate::signal::units::decimal::significant;
 
 /// A table with a header. Rows may be shorter than the header.
-pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     Table::new(header, rows.to_vec()).text()
 }
 
 /// Names and values, one pair per line.
-pub fn facts(facts: &[(&str, String)]) -> String {
+pub(super) fn facts(facts: &[(&str, String)]) -> String {
     let wide = facts.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     facts
         .iter()

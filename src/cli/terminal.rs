@@ -4,13 +4,13 @@ use std::ffi::OsStr;
 use std::io::IsTerminal;
 
 /// True if the stream is a terminal with colours and `NO_COLOR` is not set (no-color.org).
-pub fn is_coloured(stream: &impl IsTerminal) -> bool {
+pub(super) fn is_coloured(stream: &impl IsTerminal) -> bool {
     let variable = |name: &str| std::env::var_os(name);
     stream.is_terminal() && can_colour(variable("TERM").as_deref(), variable("NO_COLOR").as_deref())
 }
 
 /// True if standard error can show a progress bar.
-pub fn is_animated() -> bool {
+pub(super) fn is_animated() -> bool {
     std::io::stderr().is_terminal() && !is_dumb(std::env::var_os("TERM").as_deref())
 }
 

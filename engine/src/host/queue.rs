@@ -47,16 +47,16 @@ pub(super) struct Queue {
 }
 
 impl Queue {
-    pub fn new(width: usize, frames: usize) -> Self {
+    pub(super) fn new(width: usize, frames: usize) -> Self {
         let words = (0..frames * (width + 1)).map(|_| AtomicU64::new(0)).collect();
         Self { width, words, put: AtomicU64::new(0), taken: AtomicU64::new(0), held: AtomicBool::new(false) }
     }
 
-    pub fn capacity(&self) -> usize {
+    pub(super) fn capacity(&self) -> usize {
         self.words.len() / (self.width + 1)
     }
 
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         let taken = self.taken.load(Ordering::Acquire);
         (self.put.load(Ordering::Acquire) - taken) as usize
     }
@@ -67,7 +67,7 @@ impl Queue {
     }
 
     /// Adds a frame, if there is room. Only the producer calls it.
-    pub fn put(&self, due: Due, components: &[f64]) -> bool {
+    pub(super) fn put(&self, due: Due, components: &[f64]) -> bool {
         let number = self.put.load(Ordering::Relaxed);
         if number - self.taken.load(Ordering::Acquire) >= self.capacity() as u64 {
             return false;
@@ -83,7 +83,7 @@ impl Queue {
     }
 
     /// Takes the oldest frame if `wanted` holds for its due time. Only the consumer calls it.
-    pub fn take_if(&self, wanted: impl FnOnce(Due) -> bool, components: &mut [f64]) -> Option<Due> {
+    pub(super) fn take_if(&self, wanted: impl FnOnce(Due) -> bool, components: &mut [f64]) -> Option<Due> {
         let number = self.taken.load(Ordering::Relaxed);
         if number == self.put.load(Ordering::Acquire) {
             return None;
@@ -103,7 +103,7 @@ impl Queue {
     }
 
     /// Takes all frames that are due at a tick into `components`, which keeps the last. Returns whether there was one.
-    pub fn take_due(&self, tick: u64, components: &mut [f64]) -> bool {
+    pub(super) fn take_due(&self, tick: u64, components: &mut [f64]) -> bool {
         let mut came = false;
         let is_due = |due| match due {
             Due::Now | Due::Next => true,

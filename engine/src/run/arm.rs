@@ -120,7 +120,7 @@ impl ArmGate {
     }
 
     /// Continues the gate of the same device in another plan.
-    pub fn continue_from(&mut self, other: &Self) {
+    pub(super) fn continue_from(&mut self, other: &Self) {
         (self.level, self.holds, self.unheld) = (other.level, other.holds, other.unheld);
         for gated in &mut self.channels {
             let mut known = other.channels.iter();
@@ -131,7 +131,7 @@ impl ArmGate {
     }
 
     /// Closes the gate at once and disarms, after an interruption without output.
-    pub fn close(&mut self) {
+    pub(super) fn close(&mut self) {
         self.switch.disarm();
         self.level = 0.0;
         for gated in &mut self.channels {
@@ -140,7 +140,7 @@ impl ArmGate {
     }
 
     /// Advances by a tick of the device.
-    pub fn advance(&mut self) {
+    pub(super) fn advance(&mut self) {
         let armed = self.switch.gain.load(Relaxed);
         let holds = self.switch.holds.load(Relaxed);
         self.unheld = match holds == self.holds {
@@ -157,7 +157,7 @@ impl ArmGate {
     }
 
     /// The frame that a channel receives in place of `frame`.
-    pub fn pass(&mut self, channel: usize, frame: &[f64]) -> [f64; 6] {
+    pub(super) fn pass(&mut self, channel: usize, frame: &[f64]) -> [f64; 6] {
         let mut target = [0.0; 6];
         if self.level > 0.0 {
             let level = self.level;

@@ -44,7 +44,7 @@ pub(super) struct CostSampler {
 
 impl CostSampler {
     /// True if the next block is timed.
-    pub fn is_due(&mut self) -> bool {
+    pub(super) fn is_due(&mut self) -> bool {
         if self.left > 0 {
             self.left -= 1;
             return false;

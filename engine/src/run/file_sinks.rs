@@ -34,7 +34,7 @@ pub(super) struct WrittenFile {
 
 impl WrittenFile {
     /// Makes a writer without taps.
-    pub fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
+    pub(super) fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
         Self { writer: Some(writer), taps: Vec::new(), what, sink: None }
     }
 }

@@ -26,12 +26,12 @@ pub(super) struct ParamRamp {
 }
 
 impl ParamRamps {
-    pub fn with_room_for(most: usize) -> Self {
+    pub(super) fn with_room_for(most: usize) -> Self {
         Self { list: Vec::with_capacity(most) }
     }
 
     /// Starts a ramp from the setting's present value.
-    pub fn start(&mut self, mut ramp: ParamRamp, run: &mut Run) {
+    pub(super) fn start(&mut self, mut ramp: ParamRamp, run: &mut Run) {
         let now = run.driver_frames();
         ramp.begin = now;
         let room = self.list.len() < self.list.capacity();
@@ -48,7 +48,7 @@ impl ParamRamps {
 
     /// Sets the values that are due, and returns the number of driver frames until the next step. The steps do not
     /// depend on the block size.
-    pub fn step(&mut self, run: &mut Run, rate_hz: f64) -> usize {
+    pub(super) fn step(&mut self, run: &mut Run, rate_hz: f64) -> usize {
         let step = (STEP_S * rate_hz).max(1.0) as u64;
         let now = run.driver_frames();
         let mut next = u64::MAX;
@@ -67,12 +67,12 @@ impl ParamRamps {
     }
 
     /// True if no ramp is in progress.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
     /// Sets all ramps to their ends, before the plan is replaced.
-    pub fn finish(&mut self, run: &mut Run) {
+    pub(super) fn finish(&mut self, run: &mut Run) {
         for ramp in self.list.drain(..) {
             run.set_live(ramp.place, ramp.to);
         }

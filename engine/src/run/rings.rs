@@ -35,7 +35,7 @@ struct TapRing {
 impl TapRings {
     /// Makes rings of `ring_s` seconds and a block for the taps of a plan for which `wanted` is true; a swap brings the
     /// others.
-    pub fn new(
+    pub(super) fn new(
         plan: &Plan,
         ring_s: f64,
         wanted: impl Fn(usize) -> bool,
@@ -58,7 +58,7 @@ impl TapRings {
     }
 
     /// Pushes the frames of the last block. A block that does not fit is lost and counted.
-    pub fn send(&mut self, run: &Run) {
+    pub(super) fn send(&mut self, run: &Run) {
         for (place, tap) in self.taps.iter_mut().enumerate() {
             let frames = run.tap(place);
             let Some(ring) = &mut tap.ring else { continue };
@@ -69,7 +69,7 @@ impl TapRings {
     }
 
     /// Swaps with the rings of the old plan; rings of taps that continue are moved.
-    pub fn take_over(&mut self, running: &mut Self) {
+    pub(super) fn take_over(&mut self, running: &mut Self) {
         for (from, to) in &self.kept {
             std::mem::swap(&mut running.taps[*from], &mut self.taps[*to]);
         }
@@ -77,7 +77,7 @@ impl TapRings {
     }
 
     /// Numbers lost because a ring was full.
-    pub fn lost(&self) -> u64 {
+    pub(super) fn lost(&self) -> u64 {
         self.taps.iter().map(|tap| tap.lost).sum()
     }
 }
@@ -116,17 +116,17 @@ impl RunningWriter {
 
 impl Writer {
     /// A thread writes.
-    pub fn of_a_thread() -> Self {
+    pub(super) fn of_a_thread() -> Self {
         Self::Thread(None, Vec::new())
     }
 
     /// The caller writes.
-    pub fn of_the_caller() -> Self {
+    pub(super) fn of_the_caller() -> Self {
         Self::Caller(Vec::new())
     }
 
     /// Capacity of the rings of its files, s.
-    pub fn ring_s(&self) -> f64 {
+    pub(super) fn ring_s(&self) -> f64 {
         match self {
             Self::Thread(..) => RING_S,
             Self::Caller(_) => 0.0,
@@ -137,7 +137,7 @@ impl Writer {
     ///
     /// # Errors
     /// System errors if no thread can be started.
-    pub fn start(&mut self) -> std::io::Result<()> {
+    pub(super) fn start(&mut self) -> std::io::Result<()> {
         if let Self::Thread(running @ None, _) = self {
             *running = Some(RunningWriter::start()?);
         }
@@ -145,7 +145,7 @@ impl Writer {
     }
 
     /// Messages about files that failed since the last call.
-    pub fn failing(&self) -> impl Iterator<Item = String> {
+    pub(super) fn failing(&self) -> impl Iterator<Item = String> {
         let running = match self {
             Self::Thread(running, _) => running.as_ref(),
             Self::Caller(_) => None,
@@ -154,7 +154,7 @@ impl Writer {
     }
 
     /// Adds a file.
-    pub fn add(&mut self, written: WrittenFile, rings: Vec<Consumer<f64>>) {
+    pub(super) fn add(&mut self, written: WrittenFile, rings: Vec<Consumer<f64>>) {
         let started = self.start();
         let job = Job { writer: written.writer, what: written.what, rings, failed: None };
         match (self, started) {
@@ -170,14 +170,14 @@ impl Writer {
     }
 
     /// Writes what the rings hold, if the caller writes.
-    pub fn write_block(&mut self) {
+    pub(super) fn write_block(&mut self) {
         if let Self::Caller(jobs) = self {
             jobs.iter_mut().for_each(Job::drain);
         }
     }
 
     /// True unless a file that the caller writes has failed.
-    pub fn writes(&self) -> bool {
+    pub(super) fn writes(&self) -> bool {
         match self {
             Self::Thread(..) => true,
             Self::Caller(jobs) => jobs.iter().all(|job| job.failed.is_none()),
@@ -185,7 +185,7 @@ impl Writer {
     }
 
     /// Waits until everything is written. The write ends of all rings must be dropped before.
-    pub fn finish(self) -> Vec<WriteError> {
+    pub(super) fn finish(self) -> Vec<WriteError> {
         match self {
             Self::Caller(mut jobs) => jobs.iter_mut().filter_map(Job::finish).collect(),
             Self::Thread(None, failed) => failed,

@@ -16,12 +16,12 @@ pub(super) struct SilenceGate {
 }
 
 impl SilenceGate {
-    pub fn new(is_open: bool) -> Self {
+    pub(super) fn new(is_open: bool) -> Self {
         Self { from: f64::from(u8::from(is_open)), is_open, begin: 0, end: 0 }
     }
 
     /// Opens or closes between two times, from the present factor.
-    pub fn turn(&mut self, open: bool, (begin, end): (u64, u64)) {
+    pub(super) fn turn(&mut self, open: bool, (begin, end): (u64, u64)) {
         if open != self.is_open {
             self.from = self.factor(begin);
             (self.is_open, self.begin, self.end) = (open, begin, end);
@@ -29,12 +29,12 @@ impl SilenceGate {
     }
 
     /// Begins at zero between two times, and opens if it is open.
-    pub fn begin_from_zero(&mut self, (begin, end): (u64, u64)) {
+    pub(super) fn begin_from_zero(&mut self, (begin, end): (u64, u64)) {
         (self.from, self.begin, self.end) = (0.0, begin, end);
     }
 
     #[inline]
-    pub fn factor(self, time: u64) -> f64 {
+    pub(super) fn factor(self, time: u64) -> f64 {
         let to = f64::from(u8::from(self.is_open));
         if time >= self.end {
             return to;
@@ -44,7 +44,7 @@ impl SilenceGate {
     }
 
     /// True if the gate is open or opening.
-    pub fn is_open(&self) -> bool {
+    pub(super) fn is_open(&self) -> bool {
         self.is_open
     }
 

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// Durations of the runs, one per turn, in seconds per round.
 #[derive(Debug, Default)]
-pub struct Timings {
+pub(super) struct Timings {
     pub measured_s: Vec<f64>,
     pub plain_s: Vec<f64>,
     /// Per driver; empty for a single driver.
@@ -26,7 +26,7 @@ pub struct Timings {
 /// The cost of a graph. A load is the processor time per second of the graph's time: the share of one core
 /// that it needs.
 #[derive(Debug, Serialize)]
-pub struct CostReport {
+pub(super) struct CostReport {
     buffer_bytes: usize,
     clocks: Vec<ClockLoad>,
     drivers: Vec<DriverLoad>,
@@ -94,7 +94,7 @@ struct CriticalPath {
 }
 
 impl CostReport {
-    pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Timings) -> Self {
+    pub(super) fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Timings) -> Self {
         let pairs = turns.measured_s.iter().zip(&turns.plain_s);
         let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
         let round_s = profile.clock().quantum_s();
@@ -149,7 +149,7 @@ impl CostReport {
     }
 
     /// The steps with the highest cost as bars.
-    pub fn to_svg(&self, name: &str) -> String {
+    pub(super) fn to_svg(&self, name: &str) -> String {
         let shown = &self.steps[..self.steps.len().min(30)];
         let place = |number: usize| (shown.len() - number) as f64;
         let bar = |(number, step): (usize, &Step)| {
@@ -331,7 +331,7 @@ fn duration(ns: f64) -> String {
 }
 
 /// A number of bytes with its unit and two digits at least: `1.2 MiB`.
-pub fn bytes(count: u64) -> String {
+pub(crate) fn bytes(count: u64) -> String {
     match count {
         0..=9_999 => format!("{count} B"),
         10_000..=9_999_999 => format!("{:.1} KiB", count as f64 / 1024.0),

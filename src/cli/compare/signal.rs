@@ -17,7 +17,7 @@ const MAX_SAMPLES: u64 = 400_000_000;
 
 /// A vibration. Its rate is `None` if the file does not state it.
 #[derive(Debug)]
-pub struct Signal {
+pub(super) struct Signal {
     path: PathBuf,
     samples: Vec<f64>,
     rate_hz: Option<f64>,
@@ -33,11 +33,11 @@ pub struct Signal {
 /// Samples, rate, unit, and whether the file is known to be simulated.
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 /// Speed and force of a recording.
-pub type Motion = Option<[Vec<f64>; 2]>;
+pub(super) type Motion = Option<[Vec<f64>; 2]>;
 
 impl Signal {
     /// Reads the vibration in a file; `column` names a column of a table or a channel of a WAV file.
-    pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
+    pub(super) fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
         let ((samples, rate_hz, unit, simulated), motion) = match is_wav {
             true => (wav(path, column, import)?, None),
@@ -47,12 +47,12 @@ impl Signal {
     }
 
     /// The samples at `rate_hz`.
-    pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
+    pub(super) fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
         self.resampled(&self.samples, rate_hz)
     }
 
     /// Speed and force at this rate, where there are any.
-    pub fn motion_at(&self, rate_hz: f64) -> Result<Motion, Failure> {
+    pub(super) fn motion_at(&self, rate_hz: f64) -> Result<Motion, Failure> {
         let Some([speed_m_s, force_n]) = &self.motion else {
             return Ok(None);
         };
@@ -74,7 +74,7 @@ impl Signal {
 }
 
 /// Warns if the units of two vibrations differ or are unknown.
-pub fn warn_of_units(signals: [&Signal; 2]) {
+pub(super) fn warn_of_units(signals: [&Signal; 2]) {
     if let [(a, Some(one)), (b, Some(other))] = signals.map(|signal| (signal.path.display(), &signal.unit))
         && one != other
     {
@@ -101,7 +101,7 @@ pub fn warn_of_units(signals: [&Signal; 2]) {
 }
 
 /// The rate at which two vibrations are compared.
-pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f64, Failure> {
+pub(super) fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f64, Failure> {
     match (asked_hz, signals.map(|signal| signal.rate_hz)) {
         (Some(asked_hz), _) => Ok(asked_hz),
         (None, [Some(a), Some(b)]) if a == b => Ok(a),

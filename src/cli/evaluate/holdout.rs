@@ -13,19 +13,19 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Evaluates all drags by hold-out, with a progress bar.
-pub fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
+pub(super) fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
     let progress = Progress::of("holding out");
     hold_out(takes, settings, &|part| progress.at(part)).map_err(Failure::doing("evaluate", dir))
 }
 
 /// Evaluates all taps, circles and presses by hold-out.
-pub fn contacts(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactResult> {
+pub(super) fn contacts(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactResult> {
     let _progress = Progress::unknown("holding out taps, friction and stiffness");
     hold_out_contact(takes, processing)
 }
 
 /// All measures of all splits, and the errors of contacts.
-pub struct HeldOut {
+pub(super) struct HeldOut {
     pub found: Holdout,
     pub contact: Vec<ContactResult>,
     /// Number of simulated recordings.

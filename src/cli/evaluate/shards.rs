@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 /// tables of all parts.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-pub struct Evaluate {
+pub(crate) struct Evaluate {
     #[command(subcommand)]
     merge: Option<Merge>,
     #[command(flatten)]
@@ -50,7 +50,7 @@ enum Merge {
     },
 }
 
-pub fn run(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure> {
     match arguments {
         Evaluate { merge: Some(Merge::Merge { parts, json }), .. } => merge(parts, *json),
         Evaluate { given, shard: Some(shard), output: Some(output), .. } => {

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// The tables and the map of a study.
-pub struct Tables {
+pub(super) struct Tables {
     pub found: Evaluation,
     /// Number of simulated recordings.
     pub simulated: usize,
@@ -99,7 +99,7 @@ fn losses(losses: &[ConditionLoss]) -> String {
 
 /// The centre of a set of surfaces (thesis 4.5.2).
 #[derive(Debug, Serialize)]
-pub struct Centre {
+pub(crate) struct Centre {
     force_n: f64,
     speed_mm_s: f64,
 }
@@ -112,7 +112,7 @@ impl From<(f64, f64)> for Centre {
 
 impl Centre {
     /// A line of facts.
-    pub fn fact(centre: Option<&Self>) -> (&'static str, String) {
+    pub(crate) fn fact(centre: Option<&Self>) -> (&'static str, String) {
         let number = |value| significant(value, 3);
         let shown = centre.map_or_else(
             || "none: no measured models".to_owned(),

@@ -16,7 +16,7 @@ type Files = BTreeMap<RecordingName, PathBuf>;
 
 /// A take that is read from its files whenever it is needed.
 #[derive(Debug)]
-pub struct FileTake {
+pub(super) struct FileTake {
     name: RecordingName,
     /// The files, joined by `+`.
     path: PathBuf,
@@ -48,7 +48,7 @@ impl TakeSource for FileTake {
 /// first file stands for all three, a WAV file stands for the table beside it, and a table that lacks
 /// quantities is joined with tables whose names extend its own, for example `oak.anna.1.csv` with
 /// `oak.anna.1.motion.csv`. Each is read once, so that all errors and warnings come first.
-pub fn list_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<FileTake>, Failure> {
+pub(super) fn list_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<FileTake>, Failure> {
     each_take(dir, import, |name, path, recording| FileTake {
         name,
         path,
@@ -59,7 +59,7 @@ pub fn list_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<FileTake>, 
 }
 
 /// The same with their recordings.
-pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
+pub(super) fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
     each_take(dir, import, |name, _, recording| Take { name, recording })
 }
 
@@ -150,7 +150,7 @@ fn recordings(dir: &Path) -> Result<Files, Failure> {
 }
 
 /// The name of a take; without one, a warning that its recording is skipped.
-pub fn recording_name(take: &str, recording: &Path) -> Option<RecordingName> {
+pub(crate) fn recording_name(take: &str, recording: &Path) -> Option<RecordingName> {
     let name = RecordingName::parse(&format!("{take}."));
     if name.is_none() {
         eprint(&format!(
@@ -162,7 +162,7 @@ pub fn recording_name(take: &str, recording: &Path) -> Option<RecordingName> {
 }
 
 /// The files of one take in a folder.
-pub struct TakeFiles {
+pub(crate) struct TakeFiles {
     /// The common part of their names.
     pub take: String,
     /// The file that stands for all: of the toolkit's triples the first, and a WAV file for the table beside it.
@@ -172,7 +172,7 @@ pub struct TakeFiles {
 }
 
 /// The takes of a folder, by name.
-pub fn take_files(dir: &Path) -> Result<Vec<TakeFiles>, Failure> {
+pub(crate) fn take_files(dir: &Path) -> Result<Vec<TakeFiles>, Failure> {
     let mut takes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for path in listed(dir)? {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
@@ -194,7 +194,7 @@ pub fn take_files(dir: &Path) -> Result<Vec<TakeFiles>, Failure> {
 }
 
 /// The files of a folder by name, without hidden ones.
-pub fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
     let entries: io::Result<Vec<_>> = files::entries(dir).and_then(Iterator::collect);
     let entries = entries.map_err(Failure::doing("read", dir))?;
     let mut paths: Vec<PathBuf> = entries
@@ -208,7 +208,10 @@ pub fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// A hash over the names and contents of files, the settings and the version.
-pub fn hash<'a>(files: impl Iterator<Item = &'a PathBuf>, settings: &dyn Debug) -> Result<String, Failure> {
+pub(crate) fn hash<'a>(
+    files: impl Iterator<Item = &'a PathBuf>,
+    settings: &dyn Debug,
+) -> Result<String, Failure> {
     let mut hash = Sha256::new();
     hash.update(format!("haptograph {}\n{settings:?}\n", env!("CARGO_PKG_VERSION")));
     for path in files {

@@ -25,7 +25,7 @@ const INPUTS: &str = "inputs sha256";
 /// The flags of `learn` for a folder of recordings.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Folders of recordings")]
-pub struct Folder {
+pub(super) struct Folder {
     /// Learn one of several parts of the surfaces of a folder
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
@@ -52,7 +52,7 @@ struct Item {
 }
 
 /// Refuses the flags for folders if files are given.
-pub fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
+pub(super) fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
     match folder.shard.is_some() || folder.by.is_some() {
         true => Err(Failure::Message(
             "--shard and --by apply to a folder of recordings; give one folder and no files".to_owned(),
@@ -64,7 +64,7 @@ pub fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
 /// Learns one surface per recording or material of a folder, or of one part of them, into another folder. A
 /// surface learned before from the same recordings and settings is kept. Failures are listed at the end,
 /// after all other surfaces are learned.
-pub fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
+pub(super) fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
     if given.has_single() {
         return Err(Failure::Message(format!(
             "{} is a folder: --circle, --tap, --press, --name and --report apply to one surface; leave them out, or name files",

@@ -24,7 +24,7 @@ fn verdict(coverage: &Coverage, is_implausible: bool) -> String {
 }
 
 /// The coverage as JSON; `None` without a texture.
-pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool) -> Option<Value> {
+pub(super) fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool) -> Option<Value> {
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
     let coverage = covered(&report.segments, texture.rate_hz());
     Some(json!({
@@ -37,7 +37,7 @@ pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool
 }
 
 /// Warning about a texture learned from too little data.
-pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
+pub(super) fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
     let coverage = covered(&report.segments, texture.rate_hz());
     coverage.is_short().then(|| {
@@ -50,7 +50,7 @@ pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
 }
 
 /// The data that a surface is learned from.
-pub fn facts_of(
+pub(super) fn facts_of(
     surface: &Surface,
     report: &LearningReport,
     is_implausible: bool,

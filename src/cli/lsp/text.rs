@@ -4,19 +4,19 @@
 use serde_json::{Value, json};
 
 /// Start bytes of the lines of a text.
-pub struct Positions<'t> {
+pub(super) struct Positions<'t> {
     text: &'t str,
     lines: Vec<usize>,
 }
 
 impl<'t> Positions<'t> {
-    pub fn of(text: &'t str) -> Self {
+    pub(super) fn of(text: &'t str) -> Self {
         let after = text.match_indices('\n').map(|(at, _)| at + 1);
         Self { text, lines: std::iter::once(0).chain(after).collect() }
     }
 
     /// The protocol's `Range` of a range of bytes.
-    pub fn range(&self, start: usize, end: usize) -> Value {
+    pub(super) fn range(&self, start: usize, end: usize) -> Value {
         json!({ "start": self.position(start), "end": self.position(end.max(start)) })
     }
 
@@ -28,7 +28,7 @@ impl<'t> Positions<'t> {
     }
 
     /// The byte at a line and a number of UTF-16 units, clamped to the text.
-    pub fn byte(&self, text: &str, line: usize, units: usize) -> usize {
+    pub(super) fn byte(&self, text: &str, line: usize, units: usize) -> usize {
         let Some(&start) = self.lines.get(line) else {
             return text.len();
         };
@@ -50,7 +50,7 @@ fn floor_boundary(text: &str, byte: usize) -> usize {
 
 /// Syntactic context of a position.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Context {
+pub(super) enum Context {
     /// Inside quotes.
     Connection,
     /// Inside the parentheses of this kind.
@@ -60,7 +60,7 @@ pub enum Context {
 }
 
 /// The syntactic context of a byte of a text.
-pub fn context(text: &str, at: usize) -> Context {
+pub(super) fn context(text: &str, at: usize) -> Context {
     let before = &text[..floor_boundary(text, at)];
     // The names before the open brackets; the flag is true if the last one is after a field's colon.
     let mut open: Vec<(&str, bool)> = Vec::new();
@@ -105,7 +105,7 @@ pub fn context(text: &str, at: usize) -> Context {
 }
 
 /// The word around a byte of a text.
-pub fn word_at(text: &str, at: usize) -> Option<&str> {
+pub(super) fn word_at(text: &str, at: usize) -> Option<&str> {
     let at = floor_boundary(text, at);
     let is_word = |letter: char| letter.is_alphanumeric() || letter == '_';
     let start = text[..at]

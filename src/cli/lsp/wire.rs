@@ -9,7 +9,7 @@ const MAX_BYTES: usize = 32 << 20;
 const MAX_HEADER_BYTES: u64 = 1024;
 
 /// Reads the next message; `None` at the end of the input.
-pub fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
+pub(super) fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
     let mut length = None;
     loop {
         let mut line = String::new();
@@ -37,7 +37,7 @@ pub fn read(input: &mut impl BufRead) -> Result<Option<Value>> {
 }
 
 /// Writes a message.
-pub fn write(output: &mut impl Write, message: &Value) -> Result<()> {
+pub(super) fn write(output: &mut impl Write, message: &Value) -> Result<()> {
     let body = message.to_string();
     write!(output, "Content-Length: {}\r\n\r\n{body}", body.len())?;
     output.flush()

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// The files that were kept when a run was moved to its place.
 #[derive(Debug, Default, PartialEq)]
-pub struct Placed {
+pub(crate) struct Placed {
     /// New path of an earlier run that cannot be repeated.
     pub earlier: Option<PathBuf>,
     /// Foreign or changed files that stayed where they were.
@@ -32,7 +32,7 @@ const MAX_NAMED: usize = 5;
 
 impl Placed {
     /// A line for each kept item.
-    pub fn lines(&self) -> Vec<String> {
+    pub(crate) fn lines(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(earlier) = &self.earlier {
             lines.push(format!("the earlier live run is kept as {}", earlier.display()));
@@ -53,7 +53,7 @@ impl Placed {
 }
 
 /// Refuses a place that is not a folder, or a folder with files but without a run's manifest.
-pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
+pub(super) fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
     let shown = target.display();
     let is_empty = match files::entries(place) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => true,
@@ -73,11 +73,11 @@ pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
 }
 
 /// File with the plan of a move, present from before the first move until after the last.
-pub const MOVES: &str = ".haptograph-moves";
+pub(crate) const MOVES: &str = ".haptograph-moves";
 
 /// Decisions that cannot be reconstructed after the first move. JSON.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub struct MovePlan {
+pub(super) struct MovePlan {
     /// True if the temporary folder is inside the place and not beside it.
     inside: bool,
     /// New name, beside the place, of an earlier run that cannot be repeated.
@@ -89,7 +89,7 @@ pub struct MovePlan {
 impl MovePlan {
     /// Plans the move of a run from `content` to `place` and stores the plan, after which an interrupted move can be
     /// completed. Paths that are not Unicode cannot be stored: then a killed move stays incomplete.
-    pub fn begin(content: &Path, place: &Path, probes: &[PathBuf]) -> io::Result<Self> {
+    pub(super) fn begin(content: &Path, place: &Path, probes: &[PathBuf]) -> io::Result<Self> {
         let earlier = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
         let name = |path: PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
         let probes = probes.iter().map(std::path::absolute).collect::<io::Result<Vec<_>>>()?;
@@ -105,13 +105,13 @@ impl MovePlan {
     }
 
     /// Reads the plan of an interrupted move.
-    pub fn read(content: &Path) -> Option<Self> {
+    pub(super) fn read(content: &Path) -> Option<Self> {
         let text = files::read_text(&content.join(MOVES), files::MAX_REPORT_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 
     /// Target of the move of `content`; `None` if its name does not state it.
-    pub fn place(&self, content: &Path) -> Option<PathBuf> {
+    pub(super) fn place(&self, content: &Path) -> Option<PathBuf> {
         let near = content.parent()?;
         let (name, _) = content.file_name()?.to_str()?.rsplit_once(PARTIAL)?;
         Some(if self.inside { near.to_owned() } else { near.join(name) })
@@ -126,7 +126,7 @@ impl MovePlan {
 }
 
 /// Completes an interrupted move. A plan can be forged, so only files written by haptograph are replaced.
-pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failure> {
+pub(super) fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failure> {
     for (number, probe) in plan.probes.iter().map(Path::new).enumerate() {
         if probe.extension().is_some_and(|ending| ending == "wav" || ending == "csv") {
             place_probe(content, number, probe, Force::default())?;
@@ -142,7 +142,7 @@ pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failu
 }
 
 /// Moves the files of a probe to their places; true if all are at the requested paths.
-pub fn place_probe(content: &Path, number: usize, file: &Path, force: Force) -> Result<bool, Failure> {
+pub(super) fn place_probe(content: &Path, number: usize, file: &Path, force: Force) -> Result<bool, Failure> {
     let folder = file.parent().map_or(Ok(()), fs::create_dir_all);
     folder.map_err(Failure::doing("write", file))?;
     let waiting = content.join(PROBES).join(number.to_string());
@@ -151,7 +151,7 @@ pub fn place_probe(content: &Path, number: usize, file: &Path, force: Force) -> 
 }
 
 /// Moves all files of `content` to `place` and removes `content`.
-pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed> {
+pub(super) fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed> {
     let new = files_in(content, &[MARKER, PROBES, REPLACED, MOVES, MANIFEST])?;
     let new_manifest = content.join(MANIFEST);
     // The manifest of an interrupted move also lists the files already moved.

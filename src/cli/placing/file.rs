@@ -17,7 +17,7 @@ const LEDGER: &str = ".haptograph.json";
 
 /// Permission to replace files that haptograph did not write.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
-pub struct Force {
+pub(crate) struct Force {
     /// Replace existing files even if haptograph did not write them or they were changed since
     #[arg(long)]
     pub force: bool,
@@ -25,7 +25,7 @@ pub struct Force {
 
 /// An output path that may be written.
 #[derive(Debug)]
-pub struct Output {
+pub(crate) struct Output {
     path: PathBuf,
     force: Force,
     /// Folders created for it, innermost first; dropped without a written file, they are removed again.
@@ -41,7 +41,7 @@ impl Drop for Output {
 
 impl Output {
     /// Checks before the work that a file can be written without loss of another one.
-    pub fn claim(path: &Path, force: Force) -> Result<Self, Failure> {
+    pub(crate) fn claim(path: &Path, force: Force) -> Result<Self, Failure> {
         Self { path: path.to_owned(), force, made: Vec::new() }.proved()
     }
 
@@ -53,7 +53,7 @@ impl Output {
     }
 
     /// Claims the page `report.html` of a folder and creates the folder.
-    pub fn claim_page(folder: Option<&Path>, force: Force) -> Result<Option<Self>, Failure> {
+    pub(crate) fn claim_page(folder: Option<&Path>, force: Force) -> Result<Option<Self>, Failure> {
         let Some(folder) = folder else { return Ok(None) };
         if folder.is_file() {
             return Err(Failure::Message(format!(
@@ -71,12 +71,12 @@ impl Output {
     }
 
     /// Writes the whole file or nothing; returns its path.
-    pub fn write(&self, content: impl AsRef<[u8]>) -> Result<PathBuf, Failure> {
+    pub(crate) fn write(&self, content: impl AsRef<[u8]>) -> Result<PathBuf, Failure> {
         self.write_by(|path| fs::write(path, content)).map(|(path, ())| path)
     }
 
     /// The same for a writer function, which gets a temporary path first. A note that it writes is placed too.
-    pub fn write_by<T, E: Display>(
+    pub(crate) fn write_by<T, E: Display>(
         &self,
         write: impl FnOnce(&Path) -> Result<T, E>,
     ) -> Result<(PathBuf, T), Failure> {
@@ -99,7 +99,7 @@ impl Output {
 
 /// Moves a file and its note, if they wait in a folder, to their places; returns the final paths, the file's last: no
 /// file of samples exists without its full scale.
-pub fn place_all(waiting: &Path, file: &Path, force: Force) -> Result<Vec<PathBuf>, Failure> {
+pub(super) fn place_all(waiting: &Path, file: &Path, force: Force) -> Result<Vec<PathBuf>, Failure> {
     let mut placed = Vec::new();
     for target in [file.with_added_extension("ron"), file.to_owned()] {
         let from = waiting.join(target.file_name().unwrap_or_default());
@@ -139,7 +139,7 @@ fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
 }
 
 /// The path without links, if the file does not exist or may be replaced.
-pub fn replaceable(path: &Path, force: Force) -> Result<PathBuf, Failure> {
+pub(crate) fn replaceable(path: &Path, force: Force) -> Result<PathBuf, Failure> {
     let refused = |why: &str| Err(Failure::file("write", path, &why));
     let Ok(found) = fs::symlink_metadata(path) else {
         return Ok(path.to_owned());

@@ -14,20 +14,20 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// The facts of a run, in its folder.
-pub const MARK: &str = "run.json";
+pub(crate) const MARK: &str = "run.json";
 /// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked
 /// during the run.
-pub const MARKER: &str = ".haptograph-partial";
+pub(crate) const MARKER: &str = ".haptograph-partial";
 /// Infix of the names of such folders: `identify.partial-1`.
-pub const PARTIAL: &str = ".partial-";
+pub(super) const PARTIAL: &str = ".partial-";
 /// Subfolder for the files of probes, one folder each, until they are moved.
-pub const PROBES: &str = ".probes";
+pub(crate) const PROBES: &str = ".probes";
 /// Subfolder for the files of the run that is replaced, during the move.
-pub const REPLACED: &str = ".replaced";
+pub(crate) const REPLACED: &str = ".replaced";
 
 /// A folder that is being filled.
 #[derive(Debug)]
-pub struct RunFolder {
+pub(crate) struct RunFolder {
     content: PathBuf,
     /// As given by the user.
     target: PathBuf,
@@ -41,7 +41,7 @@ pub struct RunFolder {
 impl RunFolder {
     /// Creates an empty folder for a run at `target`, which must be free, empty or the folder of an earlier
     /// run.
-    pub fn beside(target: &Path) -> Result<Self, Failure> {
+    pub(crate) fn beside(target: &Path) -> Result<Self, Failure> {
         let place = resolved(target)?;
         complete_moves(&place)?;
         commit::refuse_foreign(target, &place)?;
@@ -78,31 +78,35 @@ impl RunFolder {
     }
 
     /// The folder to write files into.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.content
     }
 
     /// From here on the folder holds data and is kept whatever happens.
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.has_begun = true;
     }
 
     /// Creates the folder of a probe, whose files stay there until the run is complete.
-    pub fn probe(&self, number: usize) -> Result<PathBuf, Failure> {
+    pub(crate) fn probe(&self, number: usize) -> Result<PathBuf, Failure> {
         let path = self.content.join(PROBES).join(number.to_string());
         make_folder(&path)?;
         Ok(path)
     }
 
     /// Adds a whole file or none.
-    pub fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
+    pub(crate) fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
         let path = self.content.join(name);
         files::write_atomically(&path, text.as_bytes()).map_err(Failure::doing("write", &path))
     }
 
     /// Moves the files to their place, and those of probes to theirs: all or none of the run's. Unchanged files of an
     /// earlier run are replaced; all other files are kept. Also returns the probes that are at the requested paths.
-    pub fn commit(mut self, probes: &[PathBuf], force: Force) -> Result<(Placed, Vec<PathBuf>), Failure> {
+    pub(crate) fn commit(
+        mut self,
+        probes: &[PathBuf],
+        force: Force,
+    ) -> Result<(Placed, Vec<PathBuf>), Failure> {
         self.has_begun = true;
         let done = self.try_to_commit(probes, force).inspect_err(|_| {
             // If the plan remains, the next run completes the move.
@@ -148,7 +152,7 @@ fn complete_moves(place: &Path) -> Result<(), Failure> {
 }
 
 /// Completes the interrupted move of a complete run and returns its place; `None` if the folder has no plan of a move.
-pub fn complete_move(content: &Path) -> Option<Result<PathBuf, Failure>> {
+pub(crate) fn complete_move(content: &Path) -> Option<Result<PathBuf, Failure>> {
     let plan = MovePlan::read(content)?;
     let complete = || {
         let failed = |error: &dyn Display| Failure::file("complete the move of", content, error);
@@ -161,7 +165,7 @@ pub fn complete_move(content: &Path) -> Option<Result<PathBuf, Failure>> {
 }
 
 /// Renames the folder of a crashed run to `NAME-recovered`, or to the first free name with a number.
-pub fn rename_recovered(leftover: &Path) -> Result<PathBuf, Failure> {
+pub(crate) fn rename_recovered(leftover: &Path) -> Result<PathBuf, Failure> {
     let failed = |error: &dyn Display| Failure::file("rename", leftover, error);
     let name = leftover.file_name().unwrap_or_default().to_string_lossy();
     let name = name.split(PARTIAL).next().unwrap_or("run");
@@ -265,7 +269,7 @@ fn mark(content: &Path, place: &Path) -> io::Result<File> {
 }
 
 /// Locks the marker of a folder, unless a running process holds the lock.
-pub fn lock(marker: &Path) -> Result<files::Bounded, TryLockError> {
+pub(crate) fn lock(marker: &Path) -> Result<files::Bounded, TryLockError> {
     let marker = files::open(marker, u64::MAX).map_err(TryLockError::Error)?;
     marker.as_file().try_lock().map(|()| marker)
 }
@@ -296,7 +300,7 @@ fn leftovers_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The folders of crashed runs in `folder`.
-pub fn dead_in(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn dead_in(folder: &Path) -> Vec<PathBuf> {
     let mut found = leftovers_in(folder);
     found.retain(|path| !is_alive(path));
     found

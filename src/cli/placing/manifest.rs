@@ -10,13 +10,13 @@ use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
 /// The list of a run's files, in its folder.
-pub const MANIFEST: &str = "manifest.json";
+pub(crate) const MANIFEST: &str = "manifest.json";
 /// Bytes hashed at a time.
 const CHUNK: usize = 1 << 16;
 
 /// File names, relative to the list's folder, and the hash of each.
 #[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+pub(super) struct Manifest {
     haptograph: String,
     sha256: BTreeMap<String, String>,
     /// Files about to be moved to these names: a kill may come before or after the move.
@@ -26,7 +26,7 @@ pub struct Manifest {
 
 impl Manifest {
     /// Reads a list; `None` if the file is missing or invalid.
-    pub fn read(path: &Path) -> Option<Self> {
+    pub(super) fn read(path: &Path) -> Option<Self> {
         // Links are not followed: their targets may block.
         fs::symlink_metadata(path).ok().filter(fs::Metadata::is_file)?;
         let text = files::read_text(path, files::MAX_MANIFEST_BYTES).ok()?;
@@ -34,7 +34,7 @@ impl Manifest {
     }
 
     /// Writes the whole list or nothing.
-    pub fn save(&mut self, path: &Path) -> io::Result<()> {
+    pub(super) fn save(&mut self, path: &Path) -> io::Result<()> {
         env!("CARGO_PKG_VERSION").clone_into(&mut self.haptograph);
         let text = serde_json::to_string_pretty(self)? + "\n";
         write_atomically(path, text.as_bytes())
@@ -42,7 +42,7 @@ impl Manifest {
 
     /// Adds a file of `folder` with its present hash. A name that is not Unicode is not added: the file
     /// counts as foreign.
-    pub fn add(&mut self, folder: &Path, name: &Path) -> io::Result<()> {
+    pub(super) fn add(&mut self, folder: &Path, name: &Path) -> io::Result<()> {
         if let Some(text) = name.to_str() {
             self.sha256.insert(text.to_owned(), hash(&folder.join(name))?);
         }
@@ -50,20 +50,20 @@ impl Manifest {
     }
 
     /// Adds a file that is about to be moved to this name, where the present file stays until then.
-    pub fn announce(&mut self, name: &str, waiting: &Path) -> io::Result<()> {
+    pub(super) fn announce(&mut self, name: &str, waiting: &Path) -> io::Result<()> {
         self.coming.insert(name.to_owned(), hash(waiting)?);
         Ok(())
     }
 
     /// Ends the announcement of a file after its move, or after the attempt.
-    pub fn settle(&mut self, name: &str, is_moved: bool) {
+    pub(super) fn settle(&mut self, name: &str, is_moved: bool) {
         if let Some((name, hash)) = self.coming.remove_entry(name).filter(|_| is_moved) {
             self.sha256.insert(name, hash);
         }
     }
 
     /// True if this file is in the list and unchanged.
-    pub fn is_unchanged(&self, folder: &Path, name: &Path) -> bool {
+    pub(super) fn is_unchanged(&self, folder: &Path, name: &Path) -> bool {
         let file = folder.join(name);
         let listed = |list: &BTreeMap<String, String>| list.get(name.to_str()?).cloned();
         let hashes = [listed(&self.sha256), listed(&self.coming)];
@@ -73,14 +73,14 @@ impl Manifest {
     }
 
     /// All names that stay inside the folder, since a list can be forged.
-    pub fn names(&self) -> impl Iterator<Item = PathBuf> {
+    pub(super) fn names(&self) -> impl Iterator<Item = PathBuf> {
         let names = self.sha256.keys().map(PathBuf::from);
         let inside = |name: &PathBuf| name.components().all(|part| matches!(part, Component::Normal(_)));
         names.filter(move |name| inside(name) && !name.as_os_str().is_empty())
     }
 
     /// Removes the names of files that do not exist.
-    pub fn forget_missing(&mut self, folder: &Path) {
+    pub(super) fn forget_missing(&mut self, folder: &Path) {
         self.sha256.retain(|name, _| folder.join(name).exists());
     }
 }

@@ -13,7 +13,7 @@ use std::sync::mpsc::SyncSender;
 
 /// A typed command.
 #[derive(Debug, Clone, PartialEq)]
-pub enum ConsoleCommand {
+pub(super) enum ConsoleCommand {
     /// Sets a parameter of the graph or a live setting.
     Set { name: String, value: String },
     /// Prints the parameters and live settings.
@@ -28,9 +28,9 @@ pub enum ConsoleCommand {
     Unknown(String),
 }
 
-pub const HELP: &str = "set NAME=VALUE, list, history, help, stop";
+pub(super) const HELP: &str = "set NAME=VALUE, list, history, help, stop";
 /// Help text of the commands.
-pub const HELP_LINES: &str = "\
+pub(super) const HELP_LINES: &str = "\
 set NAME=VALUE   gives a parameter (gain) or a live setting of a node (out.gain) another value
 list             shows the parameters and the live settings, with their values
 history          shows what was set, when and by whom
@@ -56,7 +56,7 @@ impl ConsoleCommand {
     }
 
     /// The command closest to an unknown line.
-    pub fn suggestion(line: &str) -> Option<String> {
+    pub(super) fn suggestion(line: &str) -> Option<String> {
         let line = line.trim();
         let with_set = format!("set {line}");
         match Self::parse(&with_set) {
@@ -72,7 +72,7 @@ impl ConsoleCommand {
 
 /// Reads commands from standard input on a thread of its own, which blocks while the queue is full. The end
 /// of the input ends only this thread. With `keys` the program echoes each key itself. `run` is woken for each command.
-pub fn read_commands(
+pub(super) fn read_commands(
     commands: SyncSender<ConsoleCommand>,
     stop: Arc<AtomicBool>,
     run: RequestSender,

@@ -12,7 +12,7 @@ fn role(endpoint: &DeviceUse) -> &'static str {
 
 /// The endpoints of a run.
 #[derive(Debug, Clone)]
-pub struct Endpoints {
+pub(crate) struct Endpoints {
     list: Vec<DeviceUse>,
     /// True for a live run. Other runs do not reach real devices.
     is_live: bool,
@@ -20,12 +20,12 @@ pub struct Endpoints {
 
 impl Endpoints {
     /// The endpoints of a graph.
-    pub fn of(graph: &Graph, is_live: bool) -> Self {
+    pub(crate) fn of(graph: &Graph, is_live: bool) -> Self {
         Self::sorted(DeviceUse::of(graph), is_live)
     }
 
     /// The endpoints of a live run.
-    pub fn live(devices: Vec<DeviceUse>) -> Self {
+    pub(crate) fn live(devices: Vec<DeviceUse>) -> Self {
         Self::sorted(devices, true)
     }
 
@@ -35,7 +35,7 @@ impl Endpoints {
     }
 
     /// The facts about devices for `run.json`.
-    pub fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
+    pub(crate) fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
         [
             ("devices", "Devices", self.to_json()),
             ("simulated_devices", "Simulated devices", json!(self.any_simulated())),
@@ -48,12 +48,12 @@ impl Endpoints {
     }
 
     /// True if any endpoint is simulated.
-    pub fn any_simulated(&self) -> bool {
+    pub(crate) fn any_simulated(&self) -> bool {
         self.which(true).next().is_some()
     }
 
     /// True if any endpoint is real.
-    pub fn any_real(&self) -> bool {
+    pub(crate) fn any_real(&self) -> bool {
         self.which(false).next().is_some()
     }
 
@@ -62,7 +62,7 @@ impl Endpoints {
         if self.is_live { "real" } else { "not reached" }
     }
 
-    pub fn to_json(&self) -> Value {
+    pub(crate) fn to_json(&self) -> Value {
         let each = self.list.iter().map(|endpoint| {
             json!({
                 "name": endpoint.name, "kind": endpoint.kind, "role": role(endpoint),
@@ -73,7 +73,7 @@ impl Endpoints {
     }
 
     /// For the line at the end of a run, for example `` (simulated: output `arm`; real: input `stylus`)``.
-    pub fn in_brackets(&self) -> String {
+    pub(crate) fn in_brackets(&self) -> String {
         let named = |simulated| names(self.which(simulated), |_| String::new());
         match (self.any_simulated(), self.any_real()) {
             (false, false) => String::new(),
@@ -84,7 +84,7 @@ impl Endpoints {
     }
 
     /// For the page's list of facts.
-    pub fn listed(&self) -> String {
+    pub(crate) fn listed(&self) -> String {
         names(self.list.iter(), |endpoint| {
             let what = if endpoint.is_simulated { "simulated" } else { self.real() };
             format!(" ({}, {what})", endpoint.kind)
@@ -92,7 +92,7 @@ impl Endpoints {
     }
 
     /// The statement about simulation on the page.
-    pub fn simulation(&self) -> Simulation {
+    pub(crate) fn simulation(&self) -> Simulation {
         let kinds = |simulated| names(self.which(simulated), |endpoint| format!(" ({})", endpoint.kind));
         match (self.any_simulated(), self.any_real()) {
             (false, _) => Simulation::None,

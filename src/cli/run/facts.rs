@@ -40,7 +40,7 @@ const NAMES: [(&str, &str); 27] = [
 const STATED: [&str; 4] = ["clocks", "seconds", "driver_frames", "took_s"];
 
 /// The facts of a report that a summary does not state already.
-pub fn facts_of(report: &RunReport) -> Vec<Fact> {
+pub(super) fn facts_of(report: &RunReport) -> Vec<Fact> {
     let fields = serde_json::to_value(report).unwrap_or_default();
     let fact = |(key, name): (&'static str, &'static str)| {
         let value: &Value = fields.get(key)?;

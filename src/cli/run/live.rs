@@ -27,7 +27,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 const BY_WHOSE_CLOCK: &str =
     "latencies by the clock of this computer, without those of converters, amplifiers and mechanics";
 
-pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     run_with(arguments, registry, stop_on_interrupt, (supervisor::load, || ()))
 }
 

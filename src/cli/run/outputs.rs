@@ -13,16 +13,16 @@ use crate::report::record::{WatchedOutput, watch};
 use std::path::{Path, PathBuf};
 
 /// Subfolder for `--record`.
-pub const RECORD: &str = "record";
+pub(super) const RECORD: &str = "record";
 
 /// An argument `NODE.PORT=FILE`.
 #[derive(Debug, Clone)]
-pub struct ProbeArgument {
+pub(crate) struct ProbeArgument {
     output: String,
     pub file: PathBuf,
 }
 
-pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
+pub(super) fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
     let (output, file) = text.split_once('=').ok_or("write it as NODE.PORT=FILE")?;
     let file = PathBuf::from(file);
     match file.extension().and_then(|e| e.to_str()) {
@@ -32,7 +32,7 @@ pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
 }
 
 /// Opens the probes. Each writes into a folder of its own until the run is complete.
-pub fn open_probes(
+pub(super) fn open_probes(
     graph: &Graph,
     arguments: &[ProbeArgument],
     folder: &RunFolder,
@@ -52,7 +52,7 @@ pub fn open_probes(
 }
 
 /// Line with the paths of the probes' files, which are outside the run's folder; empty without probes.
-pub fn beside(files: &[PathBuf]) -> String {
+pub(super) fn beside(files: &[PathBuf]) -> String {
     let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     match names.is_empty() {
         true => String::new(),
@@ -61,7 +61,7 @@ pub fn beside(files: &[PathBuf]) -> String {
 }
 
 /// Lines with the full scales of the probes' WAV files.
-pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
+pub(super) fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let wav = files.iter().filter(|file| is_wav(file));
     wav.map(|file| {
         let note = recording::note(file)?;
@@ -78,7 +78,11 @@ fn is_wav(path: &Path) -> bool {
 }
 
 /// Writes every output into `record/`: as WAV if that format can hold it, otherwise as CSV.
-pub fn record_all(graph: &Graph, folder: &RunFolder, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
+pub(super) fn record_all(
+    graph: &Graph,
+    folder: &RunFolder,
+    file_sinks: &mut FileSinks<'_>,
+) -> Result<(), Failure> {
     let place = folder.path().join(RECORD);
     make_folder(&place)?;
     let mut names = Vec::new();
@@ -95,7 +99,11 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, file_sinks: &mut FileSinks<
 }
 
 /// Writes the signals of soundcard outputs, in their full scale, as they would be played live.
-pub fn keep_played(graph: &Graph, folder: &Path, file_sinks: &mut FileSinks<'_>) -> Result<(), Failure> {
+pub(super) fn keep_played(
+    graph: &Graph,
+    folder: &Path,
+    file_sinks: &mut FileSinks<'_>,
+) -> Result<(), Failure> {
     for (played, name) in played_files(graph) {
         let Some(watch) = watch(graph, played.sink, 0) else {
             continue;
@@ -107,7 +115,7 @@ pub fn keep_played(graph: &Graph, folder: &Path, file_sinks: &mut FileSinks<'_>)
 }
 
 /// The soundcard outputs and the file of each.
-pub fn played_files(graph: &Graph) -> Vec<(CardOutputSink, String)> {
+pub(super) fn played_files(graph: &Graph) -> Vec<(CardOutputSink, String)> {
     let mut names = Vec::new();
     let file = |played: CardOutputSink| {
         let name = unlike(&mut names, &played.endpoint);

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Flags for the page and the sound of a run.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
-pub struct Present {
+pub(crate) struct Present {
     /// Play the vibration on the default soundcard when the run is done, at a safe level; ctrl-C stops it
     #[arg(long, conflicts_with = "live")]
     pub play: bool,
@@ -22,7 +22,7 @@ pub struct Present {
 
 impl Present {
     /// Refuses to play where this build or this machine cannot, before anything runs.
-    pub fn refuse_silent(self) -> Result<(), Failure> {
+    pub(crate) fn refuse_silent(self) -> Result<(), Failure> {
         match self.play {
             true => ready_to_play().map_err(|error| cannot_play(&error, "leave it out")),
             false => Ok(()),
@@ -30,7 +30,7 @@ impl Present {
     }
 
     /// Opens the page. A failure, for example without a desktop, does not fail the run.
-    pub fn open_page(self, page: &Path) {
+    pub(crate) fn open_page(self, page: &Path) {
         if self.open
             // An absolute path is never read as an option.
             && let Err(why) = page.canonicalize().map_err(|error| error.to_string()).and_then(|page| open(page.as_ref()))
@@ -40,7 +40,7 @@ impl Present {
     }
 
     /// Plays the sound to its end or until ctrl-C.
-    pub fn play_sound(self, sound: Option<Sound>, stop: &AtomicBool) -> Result<(), Failure> {
+    pub(crate) fn play_sound(self, sound: Option<Sound>, stop: &AtomicBool) -> Result<(), Failure> {
         if !self.play || stop.load(Ordering::Relaxed) {
             return Ok(());
         }
@@ -60,7 +60,7 @@ impl Present {
 }
 
 /// Opens a file or an address with the desktop's program for it.
-pub fn open(page: &OsStr) -> Result<(), String> {
+pub(crate) fn open(page: &OsStr) -> Result<(), String> {
     const OPENER: &str = if cfg!(target_os = "macos") {
         "open"
     } else if cfg!(windows) {

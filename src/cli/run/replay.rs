@@ -14,7 +14,7 @@ use std::time::Instant;
 
 const FACTS: &str = "run.json";
 
-pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
     refuse_target(folder, &super::target(arguments))?;
     let graph = arguments.graph.load_and_warn(registry, arguments.seed)?;
     let facts = facts(folder)?;

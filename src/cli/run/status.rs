@@ -23,7 +23,7 @@ const BAR: usize = 24;
 type Progress = Vec<(String, Arc<dyn FileProgress>)>;
 
 /// State of the display.
-pub struct StatusDisplay {
+pub(super) struct StatusDisplay {
     /// True on a terminal that can show a block.
     block: bool,
     shown: Instant,
@@ -35,7 +35,7 @@ pub struct StatusDisplay {
 
 impl StatusDisplay {
     /// Starts the display for a run of a graph.
-    pub fn new(graph: &Graph, block: bool) -> Self {
+    pub(super) fn new(graph: &Graph, block: bool) -> Self {
         let now = Instant::now();
         let progress = graph.file_progress();
         Self {
@@ -48,7 +48,7 @@ impl StatusDisplay {
     }
 
     /// Displays the status when it is due.
-    pub fn show(&mut self, status: impl FnOnce() -> Status) {
+    pub(super) fn show(&mut self, status: impl FnOnce() -> Status) {
         let every = if self.block { BLOCK } else { LINE };
         if self.shown.elapsed() < every {
             return;

@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// The facts and warnings of a run.
 #[derive(Debug)]
-pub struct Summary {
+pub(crate) struct Summary {
     name: String,
     facts: Facts,
     headlines: Vec<Headline>,
@@ -26,7 +26,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    pub fn of(arguments: &Arguments, graph: &Graph, outcome: &Outcome, took_s: f64) -> Self {
+    pub(crate) fn of(arguments: &Arguments, graph: &Graph, outcome: &Outcome, took_s: f64) -> Self {
         let path = &arguments.graph.graph;
         let set = arguments.graph.set.iter();
         let set = set.map(|(name, value)| (name.as_str(), value.as_str()));
@@ -55,36 +55,36 @@ impl Summary {
     }
 
     /// Adds facts and warnings of particular kinds of runs.
-    pub fn add(&mut self, facts: Vec<Fact>, warnings: Vec<String>) {
+    pub(crate) fn add(&mut self, facts: Vec<Fact>, warnings: Vec<String>) {
         self.facts.extend(facts);
         self.facts.warnings.extend(warnings);
     }
 
     /// Replaces the endpoints, which swaps may have changed.
-    pub fn set_endpoints(&mut self, endpoints: Endpoints) {
+    pub(crate) fn set_endpoints(&mut self, endpoints: Endpoints) {
         self.facts.extend(endpoints.facts());
         self.endpoints = endpoints;
     }
 
-    pub fn simulation(&self) -> Simulation {
+    pub(crate) fn simulation(&self) -> Simulation {
         self.endpoints.simulation()
     }
 
     /// True if the run was stopped before its end.
-    pub fn was_stopped(&self) -> bool {
+    pub(crate) fn was_stopped(&self) -> bool {
         self.stopped
     }
 
-    pub fn warnings(&self) -> &[String] {
+    pub(crate) fn warnings(&self) -> &[String] {
         &self.facts.warnings
     }
 
-    pub fn to_json(&self) -> String {
+    pub(crate) fn to_json(&self) -> String {
         self.facts.to_json()
     }
 
     /// Text for the terminal; the last line names the page and the sound.
-    pub fn sentence(&self, target: &Path, graph: &Graph, sound: Option<&Sound>) -> String {
+    pub(crate) fn sentence(&self, target: &Path, graph: &Graph, sound: Option<&Sound>) -> String {
         let stopped = if self.stopped { "stopped after" } else { "ran" };
         let simulated = self.endpoints.in_brackets();
         let heard = match sound {
@@ -113,7 +113,7 @@ impl Summary {
     }
 
     /// The page as HTML.
-    pub fn page(&self, graph: &Graph, plotted: &PlottedSignals, sound: Option<&Sound>) -> String {
+    pub(crate) fn page(&self, graph: &Graph, plotted: &PlottedSignals, sound: Option<&Sound>) -> String {
         let facts = self.facts.listed();
         // The list of endpoints already states which devices are simulated or real.
         let facts = facts.filter(|(key, ..)| !["simulated_devices", "real_devices"].contains(key));

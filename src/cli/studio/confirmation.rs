@@ -13,7 +13,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 
 /// The dialogue at the terminal.
 #[derive(Default)]
-pub struct Confirmation {
+pub(super) struct Confirmation {
     /// The edit that was printed last.
     shown: Option<(u64, Instant)>,
     /// Lines of standard input, which is read from the first edit on.
@@ -25,7 +25,7 @@ impl Confirmation {
     ///
     /// # Errors
     /// [`Failure`] if nothing can be printed.
-    pub fn poll(&mut self, studio: &Studio) -> Result<(), Failure> {
+    pub(super) fn poll(&mut self, studio: &Studio) -> Result<(), Failure> {
         if let Some((number, beyond)) = studio.proposal()
             && self.shown.is_none_or(|(shown, at)| shown != number && at.elapsed() > PAUSE)
         {

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Convert a surface between haptograph's .ron and the toolkit's (HaTT) .xml
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The file to read; its content determines the format. Several files with different parts of one
     /// material (the toolkit's models and taps) become one
     #[arg(value_name = "IN", required = true, num_args = 1..)]
@@ -24,7 +24,7 @@ pub struct Arguments {
     json: bool,
 }
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     refuse_overwrite(&arguments.input, &arguments.output)?;
     let output = claim(&arguments.output, arguments.force)?;
     let mut surface = None;

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 /// depend on the camera and on the resolution: compare only pictures taken alike. The thesis has 500 pixels
 /// for 63.5 mm.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The photograph, from above in even light: PNG or uncompressed BMP, up to 2048 pixels wide and high
     file: PathBuf,
     /// Width of the material in the picture, mm
@@ -39,7 +39,7 @@ const MAX_SIDE: usize = 2048;
 /// Weights of red, green and blue in the grey value (ITU-R BT.601).
 const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", &arguments.file, error);
     let bytes = files::read(&arguments.file, files::MAX_PICTURE_BYTES).map_err(|error| failed(&error))?;
     let Picture { width, height, gray } = Picture::read(&bytes).map_err(|error| failed(&error))?;

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Each line holds `speed_mm_s force_n`; empty lines and lines that begin with # are ignored. Values above
 /// the largest modelled ones are clamped to these, negative values to zero.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The surface file
     file: PathBuf,
     /// Print one JSON object per line: speed_mm_s and force_n (after clamping; also asked_speed_mm_s and
@@ -44,7 +44,7 @@ struct Interpolated<'a> {
     warping: f64,
 }
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     let texture = texture(&surface, &arguments.file)?;
     let most = Request {

@@ -21,7 +21,7 @@ use std::path::PathBuf;
 /// of the models. Errors are log-spectral distances over the third octaves from 20 to 1000 Hz, and errors of
 /// the power.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// Surface files, or folders, which are searched with their subfolders
     #[arg(required = true, value_name = "DIR|FILE")]
     paths: Vec<PathBuf>,
@@ -35,7 +35,7 @@ const CAVEAT: &str = "The toolkit's models were cleaned by planes in force and s
 const FADE: &str = "The law is what a surface renders: models on a grid, interpolated, with an amplitude that falls linearly below a third of the lightest \
      known force, 0.9 N at most. Without fade it is what was fitted.";
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut surfaces: Vec<Surface> = vec![];
     for path in &arguments.paths {
         if path.is_dir() {

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 /// Reduce the sampling rate of a surface's texture
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The surface file
     #[arg(value_name = "IN")]
     input: PathBuf,
@@ -68,7 +68,7 @@ impl CommandResult for Resampled {
     }
 }
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     refuse_overwrite([&arguments.input], &arguments.output)?;
     let output = claim(&arguments.output, arguments.force)?;
     let method = match arguments.method {

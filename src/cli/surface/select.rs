@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 /// surfaces are clustered, and the one nearest to the centre of each cluster is selected. Files of one
 /// material (the toolkit's models and taps) count as one surface.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// A folder of surface files, searched with its subfolders
     dir: PathBuf,
     /// Number of surfaces to select; default: 15, as in the thesis, or half of them if there are fewer than
@@ -41,7 +41,7 @@ pub struct Arguments {
 /// The thesis selects 15 of 100.
 const USUAL_COUNT: usize = 15;
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surfaces = collect(&arguments.dir)?;
     warn_of_mixed_forces(&surfaces);
     let found = measure(&surfaces, arguments.seed)?;

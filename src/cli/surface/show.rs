@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 /// Show the content of a surface file
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub(super) struct Arguments {
     /// The surface file
     file: PathBuf,
     /// Print all of it as JSON, including the coefficients of every model
@@ -20,7 +20,7 @@ pub struct Arguments {
     json: bool,
 }
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     show(&Shown(surface), arguments.json)
 }

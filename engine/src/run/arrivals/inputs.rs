@@ -35,7 +35,7 @@ pub(in super::super) struct Input {
 
 impl Input {
     /// The live inputs that the driver of a plan reads.
-    pub fn all(plan: &Plan) -> Vec<Self> {
+    pub(crate) fn all(plan: &Plan) -> Vec<Self> {
         let devices = plan.devices.iter().enumerate();
         let inputs = devices.filter(|(_, device)| device.input.is_some() && !device.reads.is_empty());
         inputs
@@ -48,7 +48,7 @@ impl Input {
     }
 
     /// The writer of its file in an existing folder.
-    pub fn writer(&self, path: &Path) -> std::io::Result<LogWriter> {
+    pub(crate) fn writer(&self, path: &Path) -> std::io::Result<LogWriter> {
         LogWriter::create(path, &self.header(), 1 + self.columns.len())
     }
 
@@ -95,7 +95,7 @@ pub(in super::super) struct InputLog {
 
 impl InputLog {
     /// Makes the log and the read end for its writer.
-    pub fn new(input: &Input) -> (Self, Consumer<f64>) {
+    pub(crate) fn new(input: &Input) -> (Self, Consumer<f64>) {
         let width = 1 + input.columns.len();
         // A multiple of the row size: a row never wraps around.
         let rows = LEAST_ROWS.max((RING_S * input.rate_hz).ceil() as usize);
@@ -111,7 +111,7 @@ impl InputLog {
     }
 
     /// Logs the next read of this tick. Does not allocate: the row has the capacity of a tick.
-    pub fn note(&mut self, components: &[f64]) {
+    pub(crate) fn note(&mut self, components: &[f64]) {
         if self.row.is_empty() {
             self.row.push(self.ticks as f64);
         }
@@ -121,7 +121,7 @@ impl InputLog {
     }
 
     /// Ends a tick; pushes the row if it differs from the last one.
-    pub fn end_tick(&mut self) {
+    pub(crate) fn end_tick(&mut self) {
         self.ticks += 1;
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
         let is_changed =
@@ -134,7 +134,7 @@ impl InputLog {
     }
 
     /// True if a row was lost. The log is invalid from there on.
-    pub fn is_torn(&self) -> bool {
+    pub(crate) fn is_torn(&self) -> bool {
         self.is_torn
     }
 }
@@ -156,7 +156,7 @@ pub(in super::super) struct InputScript {
 }
 
 impl InputScript {
-    pub fn open(path: PathBuf, input: &Input, bounds: &ReplayBounds) -> Result<Self, ReplayError> {
+    pub(crate) fn open(path: PathBuf, input: &Input, bounds: &ReplayBounds) -> Result<Self, ReplayError> {
         let lines = Lines::open(path, &input.header())?;
         let limits: Vec<f64> = input.columns.iter().map(|(_, limit)| *limit).collect();
         let mut script = Self {
@@ -174,7 +174,7 @@ impl InputScript {
     }
 
     /// Reads and checks the whole file.
-    pub fn check(mut self, goes_on: &impl Fn() -> bool) -> Result<(), ReplayError> {
+    pub(crate) fn check(mut self, goes_on: &impl Fn() -> bool) -> Result<(), ReplayError> {
         while let Some((tick, _)) = self.next.take()
             && goes_on()
         {
@@ -210,7 +210,7 @@ impl InputScript {
     }
 
     /// Advances to the next tick.
-    pub fn advance(&mut self) {
+    pub(crate) fn advance(&mut self) {
         self.read = 0;
         if let Some((tick, values)) = self.next.take_if(|(tick, _)| *tick == self.ticks) {
             self.values = values;
@@ -223,7 +223,7 @@ impl InputScript {
     }
 
     /// Gives the next values of this tick.
-    pub fn read(&mut self, components: &mut [f64]) {
+    pub(crate) fn read(&mut self, components: &mut [f64]) {
         if let Some(values) = self.values.get(self.read..self.read + components.len()) {
             components.copy_from_slice(values);
         }
@@ -231,7 +231,7 @@ impl InputScript {
     }
 
     /// The error that ended the replay, if any: the file changed after the check.
-    pub fn failure(&mut self) -> Option<ReplayError> {
+    pub(crate) fn failure(&mut self) -> Option<ReplayError> {
         self.failed.take()
     }
 }

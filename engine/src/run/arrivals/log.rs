@@ -38,7 +38,7 @@ pub(in super::super) struct Kept {
 }
 
 impl ArrivalLog {
-    pub fn new(plan: &Plan) -> (Self, Kept) {
+    pub(crate) fn new(plan: &Plan) -> (Self, Kept) {
         // A multiple of the row size: a row never wraps around.
         let (callbacks, far_callbacks) = touched_ring(ROWS * columns(plan));
         let (settings, far_settings) = touched_ring(ROWS * SETTING);
@@ -56,7 +56,7 @@ impl ArrivalLog {
     }
 
     /// Logs a callback. Does not allocate: the row has the capacity of a callback.
-    pub fn note(&mut self, run: &Run, frames: usize, is_fading: bool) {
+    pub(crate) fn note(&mut self, run: &Run, frames: usize, is_fading: bool) {
         if self.is_over {
             return;
         }
@@ -82,7 +82,7 @@ impl ArrivalLog {
     }
 
     /// Logs a ramp of a setting that starts before frame `frame`.
-    pub fn set(&mut self, frame: u64, ramp: &ParamRamp) {
+    pub(crate) fn set(&mut self, frame: u64, ramp: &ParamRamp) {
         let ParamRamp { place, from, to, frames, .. } = *ramp;
         let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, place as f64];
         if !self.is_over && self.settings.push_entire_slice(&row).is_err() {
@@ -92,13 +92,13 @@ impl ArrivalLog {
     }
 
     /// Logs a change of graph, which ends the log.
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.keep_event(REPLACED, 0);
         self.is_over = true;
     }
 
     /// Logs that outputs begin from zero again, before the next callback: those of all devices (0), or of one, counted from 1.
-    pub fn resume(&mut self, device: usize) {
+    pub(crate) fn resume(&mut self, device: usize) {
         self.keep_event(RESUMED, device);
     }
 
@@ -118,7 +118,7 @@ impl ArrivalLog {
     }
 
     /// Number of callbacks missing at the end.
-    pub fn lost(&self) -> u64 {
+    pub(crate) fn lost(&self) -> u64 {
         self.lost
     }
 }
@@ -133,19 +133,19 @@ pub(in super::super) struct LogWriter {
 
 impl LogWriter {
     /// A file of rows of numbers.
-    pub fn create(path: &Path, header: &str, columns: usize) -> std::io::Result<Self> {
+    pub(crate) fn create(path: &Path, header: &str, columns: usize) -> std::io::Result<Self> {
         let mut file = BufWriter::new(File::create(path)?);
         writeln!(file, "{header}")?;
         Ok(Self { file, columns, names: Vec::new() })
     }
 
     /// The file of a driver's callbacks.
-    pub fn callbacks(path: &Path, plan: &Plan) -> std::io::Result<Self> {
+    pub(crate) fn callbacks(path: &Path, plan: &Plan) -> std::io::Result<Self> {
         Self::create(path, &header(plan), columns(plan))
     }
 
     /// The file of a driver's setting changes, with the names of the settings.
-    pub fn settings(path: &Path, plan: &Plan) -> std::io::Result<Self> {
+    pub(crate) fn settings(path: &Path, plan: &Plan) -> std::io::Result<Self> {
         let names = plan.live.iter().map(cell).collect();
         Ok(Self { names, ..Self::create(path, SETTINGS_HEADER, SETTING)? })
     }

@@ -212,7 +212,7 @@ pub(in super::super) struct Arrivals {
 }
 
 impl Arrivals {
-    pub fn open(plan: &Plan, of: (&Path, usize), bounds: &ReplayBounds) -> Result<Self, ReplayError> {
+    pub(crate) fn open(plan: &Plan, of: (&Path, usize), bounds: &ReplayBounds) -> Result<Self, ReplayError> {
         let (mut rows, mut row) = (Rows::open(plan, of, bounds)?, Vec::new());
         rows.next(&mut row)?;
         let mut changes = Changes::open(plan, of)?;
@@ -228,7 +228,7 @@ impl Arrivals {
         })
     }
 
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.replaced || self.row.is_empty()
     }
 

@@ -19,7 +19,7 @@ pub(super) struct Lines {
 
 impl Lines {
     /// Opens a log that must begin with this header.
-    pub fn open(path: PathBuf, wanted: &str) -> Result<Self, ReplayError> {
+    pub(super) fn open(path: PathBuf, wanted: &str) -> Result<Self, ReplayError> {
         let file = match files::open(&path, MAX_RECORDING_BYTES) {
             Ok(file) => file,
             Err(error) => return Err(ReplayError::Read { path, error }),
@@ -39,7 +39,7 @@ impl Lines {
     }
 
     /// The next line.
-    pub fn next(&mut self) -> Result<Option<String>, ReplayError> {
+    pub(super) fn next(&mut self) -> Result<Option<String>, ReplayError> {
         let Some(line) = self.lines.next() else {
             return Ok(None);
         };
@@ -57,18 +57,18 @@ impl Lines {
     }
 
     /// Path, and number of the last line read, from 1.
-    pub fn place(&self) -> (PathBuf, usize) {
+    pub(super) fn place(&self) -> (PathBuf, usize) {
         (self.path.clone(), self.number)
     }
 
     /// Error: a run cannot have written the last line read.
-    pub fn implausible(&self, why: impl ToString) -> ReplayError {
+    pub(super) fn implausible(&self, why: impl ToString) -> ReplayError {
         let (path, line) = self.place();
         ReplayError::Implausible { path, line, why: why.to_string() }
     }
 
     /// Error: the last line read does not have this many numbers.
-    pub fn malformed(&self, columns: usize) -> ReplayError {
+    pub(super) fn malformed(&self, columns: usize) -> ReplayError {
         let (path, line) = self.place();
         ReplayError::Line { path, line, columns }
     }

@@ -158,7 +158,7 @@ pub(super) struct Common<'a> {
 
 impl Facts {
     /// Compares two plans. `has_time`: there is time to run both in a tick.
-    pub fn of(old: &Plan, new: &Plan, common: Common<'_>, has_time: bool) -> Self {
+    pub(super) fn of(old: &Plan, new: &Plan, common: Common<'_>, has_time: bool) -> Self {
         let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
         let held = |(_, to): &(usize, usize)| {
             let delay = &new.delays[*to];
