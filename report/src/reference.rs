@@ -353,6 +353,7 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
         let range = setting
             .range
             .map_or_else(String::new, |(low, high)| format!(", {} to {}", shortly(low), shortly(high)));
+        let rate = if setting.below_nyquist { ", below half the rate" } else { "" };
         let live = match (setting.live, &setting.expected) {
             (false, _) => "".to_owned(),
             (true, Expected::List(_)) => {
@@ -364,7 +365,7 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
         let unit = setting.unit.as_ref();
         let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));
         let (name, expected, doc) = (setting.name, &setting.expected, one_line(&setting.doc));
-        let _ = writeln!(text, "{indent}- `{name}` ({expected}{unit}{range}, {default}{live}): {doc}");
+        let _ = writeln!(text, "{indent}- `{name}` ({expected}{unit}{range}{rate}, {default}{live}): {doc}");
         for part in &setting.parts {
             let Some(choice) = part.choice else {
                 fields(text, &part.fields, depth + 1);

@@ -230,11 +230,12 @@ impl Server<'_> {
 
 fn detail(setting: &SettingSpec) -> String {
     let range = setting.range.map_or_else(String::new, |(low, high)| format!(", {low} to {high}"));
+    let rate = if setting.below_nyquist { ", below half the rate" } else { "" };
     let unit = setting.unit.as_ref();
     let unit = unit.map_or_else(String::new, |unit| format!(", in {}", unit.symbol));
     match &setting.default {
-        Some(default) => format!("{}{unit}{range}, default {default}", setting.expected),
-        None => format!("{}{unit}{range}, required", setting.expected),
+        Some(default) => format!("{}{unit}{range}{rate}, default {default}", setting.expected),
+        None => format!("{}{unit}{range}{rate}, required", setting.expected),
     }
 }
 

@@ -163,7 +163,7 @@ impl Processor<ContactFromWrench> for Locating {
 haptograph_engine::settings! {
     /// Settings of [`SurfaceSpeed`].
     pub struct SurfaceSpeedSettings {
-        /// Cut-off of the second-order low-pass, below half the rate.
+        /// Cut-off of the second-order low-pass.
         [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
         /// Jitter of the point that does not count as motion, in uncertainties.
         [live] leash: f64 = LEASH, in 0.0..=1000.0;

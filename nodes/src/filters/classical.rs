@@ -10,7 +10,7 @@ use haptograph_signal::quantity::Quantity;
 haptograph_engine::settings! {
     /// Settings of a low-pass or high-pass.
     pub struct CutoffSettings {
-        /// Cut-off (-3 dB), below half the rate; required unless `cutoff` is connected.
+        /// Cut-off (-3 dB); required unless `cutoff` is connected.
         [live, below_nyquist] cutoff_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Number of poles.
         order: u32 = 2, in 1..=16;
@@ -109,7 +109,7 @@ haptograph_engine::settings! {
     pub struct BandPassSettings {
         /// Lower edge (-3 dB); required unless `low` is connected.
         [live, below_nyquist] low_hz: Option<f64> = None, in 1e-6..=1e9;
-        /// Upper edge (-3 dB), below half the rate; required unless `high` is connected.
+        /// Upper edge (-3 dB); required unless `high` is connected.
         [live, below_nyquist] high_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Order of the prototype: half the number of poles.
         order: u32 = 2, in 1..=16;

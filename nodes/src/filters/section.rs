@@ -30,7 +30,7 @@ haptograph_engine::settings! {
     pub struct BiquadSettings {
         /// The response.
         shape: Shape = Shape::LowPass;
-        /// Cut-off or centre frequency, above zero and below half the rate; required unless `frequency` is connected.
+        /// Cut-off or centre frequency; required unless `frequency` is connected.
         [live, below_nyquist] frequency_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Quality: 0.7071 gives a Butterworth low-pass, a higher one a resonance.
         [live] q: f64 = std::f64::consts::FRAC_1_SQRT_2, in 0.01..=10_000.0;

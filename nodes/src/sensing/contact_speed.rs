@@ -13,7 +13,7 @@ use haptograph_signal::quantity::Quantity;
 haptograph_engine::settings! {
     /// Settings of [`ContactSpeed`].
     pub struct ContactSpeedSettings {
-        /// Cut-off of the second-order low-pass, below half the rate.
+        /// Cut-off of the second-order low-pass.
         [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
     }
 }

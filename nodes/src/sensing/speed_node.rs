@@ -23,7 +23,7 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`SpeedEstimator`].
     pub struct SpeedEstimatorSettings {
-        /// Cut-off of the low-pass, below half the rate of the position.
+        /// Cut-off of the low-pass.
         [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
         /// Type of the low-pass.
         smoothing: Smoothing = Smoothing::Butterworth;

@@ -12,7 +12,7 @@ use haptograph_signal::units::Degrees;
 haptograph_engine::settings! {
     /// Settings of [`Sine`].
     pub struct SineSettings {
-        /// Frequency, below half the rate; required unless `frequency` is connected.
+        /// Frequency; required unless `frequency` is connected.
         [live, below_nyquist] frequency_hz: Option<f64> = None, in 0.0..=1e9;
         /// Amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
@@ -146,7 +146,7 @@ haptograph_engine::settings! {
     pub struct ChirpSettings {
         /// Frequency at the start.
         [live, below_nyquist] from_hz: f64 = 10.0, in 1e-6..=1e9;
-        /// Frequency at the end, below half the rate.
+        /// Frequency at the end.
         [live, below_nyquist] to_hz: f64 = 500.0, in 1e-6..=1e9;
         /// Duration of the sweep; the output is zero after it.
         duration_s: f64 = 10.0, in 1e-6..=1e9;
