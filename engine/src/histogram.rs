@@ -39,6 +39,11 @@ impl Histogram {
         self.max_ns
     }
 
+    /// Number of durations beyond this one, to within a bucket.
+    pub fn count_beyond(&self, ns: u64) -> u64 {
+        self.counts[bucket(ns) + 1..].iter().sum()
+    }
+
     /// Adds the counts of another histogram.
     pub fn add(&mut self, other: &Self) {
         for (count, more) in self.counts.iter_mut().zip(&other.counts) {

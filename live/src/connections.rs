@@ -58,9 +58,8 @@ impl Connections {
         Self::of(registry, |entry| !entry.drives)
     }
 
-    /// All backends of a registry, those that drive the graph included.
-    #[cfg(any(test, feature = "supervisor"))]
-    pub(crate) fn with_drivers(registry: &Registry) -> Self {
+    /// All backends of a registry, those that drive the graph included, for [`Drivers`](crate::Drivers).
+    pub fn with_drivers(registry: &Registry) -> Self {
         Self::of(registry, |_| true)
     }
 
@@ -163,7 +162,6 @@ impl Connections {
     ///
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
-    #[cfg(any(test, feature = "supervisor"))]
     pub(crate) fn drive(
         &mut self,
         graph: &Graph,
@@ -201,7 +199,6 @@ impl Connections {
     }
 
     /// The drivers. Backends without drivers are not polled.
-    #[cfg(feature = "supervisor")]
     pub(crate) fn drivers(&self) -> impl Iterator<Item = Connected> {
         let driving = self.backends.iter().filter(|member| member.entry.drives);
         let all = driving.flat_map(|member| member.backend.status());
@@ -250,7 +247,6 @@ impl Connections {
     ///
     /// # Errors
     /// [`BackendError::Lost`] if a driver's thread panicked.
-    #[cfg(any(test, feature = "supervisor"))]
     pub(crate) fn close(&mut self) -> Result<crate::backend::Lives, BackendError> {
         // All of them, whatever happened to one.
         let closed: Vec<_> = self.all_mut().map(|backend| backend.close()).collect();

@@ -24,6 +24,7 @@
 mod backend;
 mod backends;
 mod connections;
+mod drivers;
 pub mod evdev;
 #[cfg(feature = "udp")]
 pub mod guard;
@@ -52,6 +53,7 @@ mod realtime;
 pub use backend::{Backend, BackendEntry, BackendError, BackendEvent, Connected, Counts, Lives, Role, State};
 pub use backends::{BACKENDS, add_backend, refuse_conflicts};
 pub use connections::Connections;
+pub use drivers::Drivers;
 pub use numbers::{NumberSource, Readers};
 pub use protected::{LimitChange, ProtectedActuator};
 #[cfg(feature = "osc")]

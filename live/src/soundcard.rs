@@ -24,11 +24,10 @@ mod system;
 mod without;
 
 #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
-pub use without::{CardDriver, Inputs, list, play_once, ready_to_play};
+pub use without::{list, play_once, ready_to_play};
 #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
 pub use {
     play::{play_once, ready_to_play},
-    streams::{CardDriver, Inputs},
     system::list,
 };
 

@@ -1,7 +1,6 @@
 //! Supervision of a live run: settings, saved files, swaps, silences and the report. It prints nothing: it
 //! takes [`Request`]s and returns [`Event`]s.
 
-mod drivers;
 mod event;
 mod history;
 mod inbox;
@@ -15,6 +14,7 @@ mod requests;
 mod silence;
 mod start;
 mod status;
+mod streams;
 mod swap;
 mod watch;
 
@@ -34,9 +34,9 @@ pub use swap::CHANGES;
 
 use crate::SettingValue;
 use crate::backend::{BackendError, Connected};
+use crate::drivers::Drivers;
 use crate::osc::OscControl;
 use crate::protected::Protected;
-use drivers::Drivers;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{RingReport, Session, SessionOutcome};
 use history::{History, Notes};
@@ -290,7 +290,7 @@ impl Supervisor {
         }
         let mut warnings = self.record.refused_at_start;
         warnings.extend(self.record.notes.counted());
-        warnings.extend(drivers::warnings(&self.drivers));
+        warnings.extend(streams::warnings(&self.drivers));
         let inputs = self.session.live_inputs();
         warnings.extend(self.record.silence.warnings(Instant::now(), &inputs, &self.drivers));
         let mut report = RunReport {
@@ -304,7 +304,7 @@ impl Supervisor {
             ..RunReport::default()
         };
         let heard: Vec<RingReport> = self.drivers.rings().collect();
-        let output_latency = drivers::output_latency(&self.drivers);
+        let output_latency = streams::output_latency(&self.drivers);
         report.add_connections(&self.drivers);
         let lives = self.drivers.join()?;
         // Disconnects the devices, after a last zero to each.
@@ -321,7 +321,7 @@ impl Supervisor {
 
     /// Description of the drivers of the run.
     pub fn description(&self) -> String {
-        drivers::description(&self.drivers)
+        streams::description(&self.drivers)
     }
 
     /// All connections to devices, and drivers.

@@ -7,7 +7,9 @@ mod thread;
 
 use crate::backend::BackendEntry;
 #[cfg(any(feature = "timer", target_os = "macos", windows))]
-pub use thread::{Timer, TimerNotes, TimerThread};
+pub use thread::TimerThread;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+pub(crate) use thread::prepare_thread;
 
 /// A timer for each driver clock without a soundcard.
 pub const BACKEND: BackendEntry = BackendEntry {

@@ -9,7 +9,7 @@ use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
 use crate::engine::run::{FileSinks, Meters, Session, SessionOptions};
 use crate::live::soundcard::{SoundcardError, list};
-use crate::live::timer::Timer;
+use crate::live::timer::TimerThread;
 use crate::signal::files;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -239,7 +239,7 @@ fn timer(registry: &Registry) -> Result<Finding, Failure> {
     let graph = graph.map_err(|wrong| failed(&wrong))?;
     let options = SessionOptions::default().seconds(0.5);
     let (live, session) = Session::open(FileSinks::new(&graph), &options).map_err(|error| failed(&error))?;
-    let thread = Timer::default().start(live).map_err(|error| failed(&error))?;
+    let thread = TimerThread::start(live).map_err(|error| failed(&error))?;
     let live = thread.join().ok_or_else(|| failed(&"its thread ended early"))?;
     let Meters { lateness, stalls, .. } = session.finish(live).meters;
     let us = |ns: u64| ns as f64 / 1e3;

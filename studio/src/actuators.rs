@@ -37,6 +37,11 @@ pub(crate) fn is_real(device: &GraphDevice) -> bool {
     !device.entry.spec.simulated && !device.entry.is_host()
 }
 
+/// True if a graph drives or reads a real device.
+pub(crate) fn has_real(graph: &Graph) -> bool {
+    graph.devices().iter().any(is_real)
+}
+
 /// The real devices that a graph drives, with the fingerprints of their settings.
 pub(crate) fn driven(graph: &Graph) -> Vec<(&str, u64)> {
     let devices = graph.driven_devices().filter(|device| is_real(device));

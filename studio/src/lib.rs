@@ -12,9 +12,9 @@
 
 mod actuators;
 mod channels;
+mod clock;
 mod describe;
 mod devices;
-mod drive;
 mod envelope;
 mod error;
 mod fed;

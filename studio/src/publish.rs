@@ -1,5 +1,6 @@
 //! Messages to pages during a run: samples, sound and status.
 
+use super::clock::Clock;
 use super::frames;
 use super::levels::short;
 use super::run_cycle::State;
@@ -7,7 +8,6 @@ use super::stage::{Signals, Stage};
 use super::wire::{Message, text};
 use haptograph_engine::run::{ActuatorLevel, Session};
 use serde_json::{Map, Value, json};
-use std::sync::Arc;
 use std::time::Duration;
 
 /// Period of [`Publisher::publish`].
@@ -21,6 +21,8 @@ pub(crate) struct Publisher {
     looks: u32,
     /// Time since the last status.
     passed: Duration,
+    /// Computing time of the run at the last status, ns.
+    busy_ns: u64,
 }
 
 impl Publisher {
@@ -33,7 +35,7 @@ impl Publisher {
         self.looks += 1;
         if self.looks == STATUS {
             let levels = stage.session.iter().flat_map(Session::actuator_levels).collect::<Vec<_>>();
-            let status = status(stage, &levels, self.passed);
+            let status = status(stage, &levels, (self.passed, &mut self.busy_ns));
             for page in 0..stage.pages.list.len() {
                 let mut own = status.clone();
                 own["owner"] = json!(stage.pages.owner == Some(stage.pages.list[page].id));
@@ -42,7 +44,7 @@ impl Publisher {
             }
             send_levels(stage, &levels);
             stage.append_recording();
-            *self = Self::default();
+            (self.looks, self.passed) = (0, Duration::ZERO);
         }
         let gone = stage.pages.list.iter().filter(|page| page.is_gone).map(|page| page.id);
         for page in gone.collect::<Vec<_>>() {
@@ -75,14 +77,14 @@ pub(crate) fn send_samples(stage: &mut Stage) {
     }
 }
 
-fn status(stage: &mut Stage, levels: &[ActuatorLevel], passed: Duration) -> Value {
+fn status(stage: &mut Stage, levels: &[ActuatorLevel], (passed, busy_ns): (Duration, &mut u64)) -> Value {
     let pointer = stage.pointer_latency();
     let time_s = stage.now_s();
     let recording_s = stage.recorder.recording.as_ref().map(|_| time_s);
-    let frame = stage.drive.as_ref().map_or(0, |drive| drive.pace.frames());
+    let frame = stage.frames();
     let replay = stage.cycle.replay.as_ref().map(|replay| replay.part(frame));
     let (gain, note) = (stage.devices.switch.gain(), stage.devices.note.clone());
-    let Stage { signals, drive, session, pages, cycle, .. } = stage;
+    let Stage { signals, clock, session, pages, cycle, .. } = stage;
     let Signals { actuators, silent, .. } = signals;
     let actuators: Vec<Value> =
         actuators.iter_mut().map(|actuator| actuator.status(levels, gain > 0.0)).collect();
@@ -95,9 +97,11 @@ fn status(stage: &mut Stage, levels: &[ActuatorLevel], passed: Duration) -> Valu
     }
     let quiet = silent.iter().map(|(name, since)| json!({ "input": name, "for_s": time_s - since }));
     let quiet: Vec<Value> = quiet.collect();
-    let xruns = drive.as_ref().and_then(|drive| drive.xruns());
-    let pace = drive.as_ref().map(|drive| Arc::clone(&drive.pace));
-    let busy = pace.as_ref().map_or(0.0, |pace| pace.take_busy().as_secs_f64());
+    let xruns = clock.as_ref().and_then(Clock::xruns);
+    let timing = clock.as_ref().zip(session.as_mut()).map(|(clock, session)| clock.timing(session));
+    let (meters, late) = timing.unwrap_or_default();
+    let busy_s = meters.work_ns.saturating_sub(std::mem::replace(busy_ns, meters.work_ns)) as f64 * 1e-9;
+    let faults = session.as_ref().map_or(0, |session| session.faults().ticks);
     json!({
         "type": "status",
         "time_s": time_s,
@@ -105,15 +109,15 @@ fn status(stage: &mut Stage, levels: &[ActuatorLevel], passed: Duration) -> Valu
         "recording_s": recording_s,
         "replay": replay,
         "pages": pages.list.len(),
-        "behind_ms": pace.as_ref().map_or(0.0, |pace| pace.behind_ms()),
-        "late": pace.as_ref().map_or(0, |pace| pace.late()),
+        "behind_ms": meters.late_ns as f64 * 1e-6,
+        "late": late,
         "xruns": xruns,
         "silent": quiet,
         "actuators": actuators,
         "armed_gain": gain,
         "note": note,
-        "faults": pace.as_ref().map_or(0, |pace| pace.faults()),
-        "cost": busy / passed.as_secs_f64().max(1e-9),
+        "faults": faults,
+        "cost": busy_s / passed.as_secs_f64().max(1e-9),
         "pointer": pointer,
     })
 }
@@ -151,9 +155,9 @@ fn levels(stage: &mut Stage, actuators: &[ActuatorLevel]) -> Value {
         let parts = stage.signals.costs.update(session, &stage.loaded.graph).into_iter();
         parts.map(|(path, part)| (path, json!(short(part)))).collect::<Map<_, _>>()
     });
-    let origin = stage.drive.as_ref().and_then(|drive| drive.pace.origin());
+    let origin = stage.session.as_ref().and_then(|session| session.faults().origin);
     json!({
-        "type": "levels", "ports": ports, "not_finite": not_finite, "origin": origin, "limits": limits,
+        "type": "levels", "ports": ports, "not_finite": not_finite, "origin": origin.as_deref(), "limits": limits,
         "costs": costs.filter(|costs| !costs.is_empty()),
     })
 }

@@ -23,8 +23,6 @@ pub(crate) struct RunCycle {
     /// The run that follows this one.
     pub next_run: NextRun,
     pub replay: Option<Replay>,
-    /// Time still to be run in a replay, s.
-    pub pending_s: f64,
 }
 
 /// The run that follows when the outputs of the present one have fallen to zero.

@@ -10,8 +10,8 @@ mod run_cycle;
 mod swap;
 
 use super::actuators::{Actuator, Sound};
+use super::clock::{Clock, PERIOD};
 use super::devices::Devices;
-use super::drive::Drive;
 use super::envelope::Permitted;
 use super::error::{StageError, other};
 use super::levels::Costs;
@@ -25,7 +25,7 @@ use super::scope::Scope;
 use haptograph_engine::run::Session;
 use haptograph_live::BackendEvent;
 use serde_json::{Value, json};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Abilities of the host of an engine.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +49,7 @@ pub(crate) struct Stage {
     pub on_disk: String,
     pub permitted: Permitted,
     pub session: Option<Session>,
-    pub drive: Option<Drive>,
+    pub clock: Option<Clock>,
     pub cycle: RunCycle,
     pub devices: Devices,
     pub signals: Signals,
@@ -82,13 +82,13 @@ impl Stage {
         let loaded = source.load(&text)?;
         let mut stage = Self {
             host,
-            devices: Devices::new(&source.registry),
+            devices: Devices::default(),
             source,
             loaded,
             on_disk: text,
             permitted: Permitted::default(),
             session: None,
-            drive: None,
+            clock: None,
             cycle: RunCycle::default(),
             signals: Signals { rate_hz: 1.0, ..Signals::default() },
             pages: Pages::default(),
@@ -98,24 +98,48 @@ impl Stage {
         Ok(stage)
     }
 
+    /// Frames of the run. Where drivers run them, some may be computed meanwhile: exact to within a block.
+    pub(crate) fn frames(&self) -> u64 {
+        self.session.as_ref().map_or(0, Session::frames)
+    }
+
     /// Time of the run, s.
     pub(crate) fn now_s(&self) -> f64 {
-        let frames = self.drive.as_ref().map_or(0, |drive| drive.pace.frames());
-        frames as f64 / self.signals.rate_hz
+        self.frames() as f64 / self.signals.rate_hz
     }
 
     /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
     pub(crate) fn keep_time(&mut self, passed: Duration, busy: Duration) {
-        if let Some(drive) = &mut self.drive {
-            drive.keep_time(passed, busy, self.signals.rate_hz);
+        if let Some(clock) = &mut self.clock {
+            clock.keep_time(passed, busy, self.signals.rate_hz);
         }
+    }
+
+    /// Runs the frames that are due after `passed` more time, unless drivers or a page's audio thread do. Holds the stage
+    /// for little longer than `longest`. Returns whether this thread runs the frames.
+    pub(crate) fn advance(&mut self, passed: Duration, longest: Duration) -> bool {
+        let rate_hz = self.signals.rate_hz;
+        let Some(clock) = self.clock.as_mut().filter(|clock| !clock.has_drivers()) else {
+            return false;
+        };
+        let (due, begun, mut done) = (clock.due(passed, rate_hz), Instant::now(), 0);
+        let part = (PERIOD.as_secs_f64() * rate_hz).ceil() as u64;
+        while done < due && begun.elapsed() < longest {
+            let frames = part.min(due - done);
+            self.run(frames as usize);
+            done += frames;
+        }
+        if let Some(clock) = &mut self.clock {
+            clock.ran(done, (passed, begun.elapsed()), rate_hz);
+        }
+        true
     }
 
     /// Collects the new data of the run.
     pub(crate) fn look(&mut self) {
         let now_s = self.now_s();
-        let notes = self.drive.as_mut().map(Drive::poll).unwrap_or_default();
-        for note in notes.into_iter().chain(self.devices.inputs.poll()) {
+        let notes = self.clock.as_mut().map(|clock| clock.drivers.poll());
+        for note in notes.unwrap_or_default() {
             if let BackendEvent::Changed(note) = note {
                 // What is plugged in anew is not what was armed.
                 self.disarm();
@@ -131,7 +155,10 @@ impl Stage {
 
     /// Ends runs and replays that are over, after their last data have been sent to the pages.
     pub(crate) fn end_what_is_over(&mut self) {
-        if self.cycle.state == State::Running && self.drive.as_ref().is_some_and(Drive::is_over) {
+        let is_stopping = self.cycle.is_stopping;
+        if self.cycle.state == State::Running
+            && self.clock.as_ref().is_some_and(|clock| clock.is_over(is_stopping))
+        {
             self.end();
         }
         if self.recorder.recording.as_ref().is_some_and(Recording::is_full) {
@@ -168,25 +195,22 @@ impl Stage {
         if self.pages.owner != Some(page) || self.cycle.replay.is_some() {
             return;
         }
+        let (frame, now_s) = (self.frames(), self.now_s());
         let page = self.pages.list.iter_mut().find(|known| known.id == page);
-        let (Some(page), Some(pad), Some(drive)) = (page, self.signals.pads.get_mut(number), &self.drive)
-        else {
+        let (Some(page), Some(pad)) = (page, self.signals.pads.get_mut(number)) else {
             return;
         };
-        drive.between_frames(|frame| {
-            let now_s = frame as f64 / self.signals.rate_hz;
-            for point in points {
-                let due_s = page.clock.due_s(point.at_s, now_s);
-                // The recorded event is the one that is applied.
-                let made = Move::new(frame, number, due_s, point);
-                let (due_s, point) = made.pointer();
-                pad.move_to(due_s, &point);
-                self.signals.latencies_s.push((due_s - now_s).max(0.0));
-                if let Some(recording) = &mut self.recorder.recording {
-                    recording.moves.push(made);
-                }
+        for point in points {
+            let due_s = page.clock.due_s(point.at_s, now_s);
+            // The recorded event is the one that is applied.
+            let made = Move::new(frame, number, due_s, point);
+            let (due_s, point) = made.pointer();
+            pad.move_to(due_s, &point);
+            self.signals.latencies_s.push((due_s - now_s).max(0.0));
+            if let Some(recording) = &mut self.recorder.recording {
+                recording.moves.push(made);
             }
-        });
+        }
         let most = self.signals.latencies_s.len().saturating_sub(1000);
         self.signals.latencies_s.drain(..most);
     }
@@ -202,19 +226,18 @@ impl Stage {
 
     /// Sets a live setting.
     pub(crate) fn set(&mut self, name: &str, value: f64) -> Result<(), StageError> {
-        let (Some(session), Some(drive)) = (&mut self.session, &self.drive) else {
+        let frame = self.frames();
+        let Some(session) = &mut self.session else {
             return Err(other("the run is stopped"));
         };
         if self.cycle.replay.is_some() {
             return Err(other("a replay is running; stop it first"));
         }
-        drive.between_frames(|frame| {
-            session.set_by_name(name, value).map_err(other)?;
-            if let Some(recording) = &mut self.recorder.recording {
-                recording.add_setting_change(frame, name, value);
-            }
-            Ok(())
-        })
+        session.set_by_name(name, value).map_err(other)?;
+        if let Some(recording) = &mut self.recorder.recording {
+            recording.add_setting_change(frame, name, value);
+        }
+        Ok(())
     }
 }
 

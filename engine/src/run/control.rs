@@ -1,6 +1,7 @@
 //! The control side of a live run.
 
 use super::meter::{Meters, Wake};
+use super::player::Progress;
 use super::ramp::{PARAM_RAMP_S, ParamRamp};
 use super::rings::TapRings;
 use super::swap::{Change, PlanSwap};
@@ -36,6 +37,7 @@ pub struct Control {
     stop: Arc<AtomicBool>,
     commands: Producer<Command>,
     reports: Consumer<Report>,
+    progress: Arc<Progress>,
     /// The running plan, or the one that will run after the last swap.
     plan: Arc<Plan>,
     /// The live settings with their last set values.
@@ -103,13 +105,14 @@ impl Control {
     pub(super) fn new(
         plan: Arc<Plan>,
         stop: Arc<AtomicBool>,
-        commands: Producer<Command>,
-        reports: Consumer<Report>,
+        (commands, reports): (Producer<Command>, Consumer<Report>),
+        progress: Arc<Progress>,
     ) -> Self {
         Self {
             stop,
             commands,
             reports,
+            progress,
             settings: plan.live.clone(),
             plan,
             meters: Meters::default(),
@@ -259,6 +262,11 @@ impl Control {
     /// The meters as of the last [`Control::poll`].
     pub fn meters(&self) -> &Meters {
         &self.meters
+    }
+
+    /// What the real-time side has done by now.
+    pub(super) fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     /// Number of replaced plans that have been freed.

@@ -30,6 +30,10 @@ pub struct Meters {
     pub work: Histogram,
     /// Number of wake-ups.
     pub wakes: u64,
+    /// Duration of their work together, ns.
+    pub work_ns: u64,
+    /// Lateness of the last one, ns.
+    pub late_ns: u64,
     /// Number of driver frames.
     pub frames: u64,
     /// Wake-ups whose work took longer than their frames last.
@@ -53,6 +57,8 @@ impl Meters {
             self.stalled_at.push(self.frames);
         }
         self.wakes += 1;
+        self.work_ns += wake.work_ns;
+        self.late_ns = wake.late_ns;
         self.frames += u64::from(wake.frames);
         self.overruns += u64::from(wake.overrun);
         self.stalls += u64::from(wake.lost > 0);
@@ -72,6 +78,8 @@ impl Meters {
         self.lateness.add(&other.lateness);
         self.work.add(&other.work);
         self.wakes += other.wakes;
+        self.work_ns += other.work_ns;
+        self.late_ns = self.late_ns.max(other.late_ns);
         self.frames += other.frames;
         self.overruns += other.overruns;
         self.stalls += other.stalls;

@@ -42,7 +42,7 @@ pub use file_sinks::{FileSinks, Probe, WriteError};
 pub use meter::{MAX_STALLS, Meters, Wake};
 pub use offline::{OfflineError, Outcome, RingReport};
 pub(crate) use player::Claim;
-pub use player::{Driven, Player, PlayerState, player};
+pub use player::{Player, PlayerState, player};
 pub use profile::{Profile, StepCost};
 pub use ramp::PARAM_RAMP_S;
 pub(crate) use session::HandedProbe;

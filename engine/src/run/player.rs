@@ -18,8 +18,8 @@ use crate::limiter::Hottest;
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 const REPORTS: usize = 4096;
 /// Places among them for replaced plans, which must not be lost.
@@ -87,6 +87,40 @@ struct Link {
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
+    progress: Arc<Progress>,
+}
+
+/// What the session may read at any moment.
+#[derive(Default)]
+pub(super) struct Progress {
+    frames: AtomicU64,
+    fault_ticks: AtomicU64,
+    fault_origin: OnceLock<Arc<str>>,
+}
+
+impl Progress {
+    fn publish(&self, frames: u64, faults: &Faults) {
+        self.frames.store(frames, Ordering::Relaxed);
+        self.fault_ticks.store(faults.ticks, Ordering::Relaxed);
+        if let Some(origin) = faults.origin.as_ref().filter(|_| self.fault_origin.get().is_none()) {
+            // No other thread sets it.
+            let _ = self.fault_origin.set(Arc::clone(origin));
+        }
+    }
+
+    /// Driver frames run.
+    pub(super) fn frames(&self) -> u64 {
+        self.frames.load(Ordering::Relaxed)
+    }
+
+    /// NaN and infinity at actuators so far.
+    pub(super) fn faults(&self) -> Faults {
+        Faults {
+            ticks: self.fault_ticks.load(Ordering::Relaxed),
+            origin: self.fault_origin.get().cloned(),
+            tracing: false,
+        }
+    }
 }
 
 /// Flags that are cleared when the player is dropped.
@@ -95,48 +129,6 @@ pub(crate) struct Claim(pub Vec<Arc<AtomicBool>>);
 impl Drop for Claim {
     fn drop(&mut self) {
         self.0.iter().for_each(|flag| flag.store(false, Ordering::Release));
-    }
-}
-
-/// The object that a driver runs: a player, or a wrapper of one that uses its frames.
-pub trait Driven: Send + 'static {
-    /// Rate of the driver, Hz.
-    fn rate_hz(&self) -> f64;
-    /// Runs `frames` frames of the driver. Real-time code.
-    fn run_frames(&mut self, frames: usize);
-    /// Largest number of frames that it runs at once.
-    fn block(&self) -> usize;
-    /// True if the run has ended and every actuator is at zero.
-    fn is_idle(&self) -> bool;
-    /// The devices, for the driver that owns some of them.
-    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)>;
-    /// Reports a wake-up.
-    fn report(&mut self, wake: Wake);
-    /// Fades in again after an interruption of the driver.
-    fn resume(&mut self);
-}
-
-impl Driven for Player {
-    fn rate_hz(&self) -> f64 {
-        self.run.rate_hz()
-    }
-    fn run_frames(&mut self, frames: usize) {
-        self.process(frames);
-    }
-    fn block(&self) -> usize {
-        self.block()
-    }
-    fn is_idle(&self) -> bool {
-        self.is_idle()
-    }
-    fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
-        self.devices_mut()
-    }
-    fn report(&mut self, wake: Wake) {
-        self.report(wake);
-    }
-    fn resume(&mut self) {
-        self.resume();
     }
 }
 
@@ -150,6 +142,7 @@ pub fn player(plan: Arc<Plan>) -> (Player, Control) {
 pub(super) fn player_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Player, Control) {
     let (command_in, commands) = RingBuffer::new(COMMANDS);
     let (reports, report_out) = RingBuffer::new(REPORTS);
+    let progress = Arc::<Progress>::default();
     let player = Player {
         run: Run::new(Arc::clone(&plan)),
         state: PlayerState::Running,
@@ -159,10 +152,10 @@ pub(super) fn player_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Player, C
         ramps: ParamRamps::with_room_for(COMMANDS),
         swaps: Swaps::default(),
         listeners: Listeners::default(),
-        link: Link { commands, reports, unreported: 0 },
+        link: Link { commands, reports, unreported: 0, progress: Arc::clone(&progress) },
         _claim: None,
     };
-    let control = Control::new(plan, stop, command_in, report_out);
+    let control = Control::new(plan, stop, (command_in, report_out), progress);
     (player, control)
 }
 
@@ -245,6 +238,7 @@ impl Player {
             PlayerState::Stopped | PlayerState::Running => {}
         }
         self.run.publish_delivered();
+        self.link.progress.publish(self.frames, &self.run.state.faults.counts);
     }
 
     fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
@@ -359,7 +353,7 @@ impl Player {
     }
 
     /// Callbacks missing at the end of the replay log.
-    pub fn lost_arrivals(&self) -> u64 {
+    pub(super) fn lost_arrivals(&self) -> u64 {
         self.listeners.log.as_ref().map_or(0, ArrivalLog::lost)
     }
 
@@ -368,7 +362,7 @@ impl Player {
     }
 
     /// Numbers of tapped outputs lost because their rings were full.
-    pub fn lost_numbers(&self) -> u64 {
+    pub(super) fn lost_numbers(&self) -> u64 {
         self.listeners.taps.lost()
     }
 

@@ -334,6 +334,16 @@ impl Session {
         self.writer.failing()
     }
 
+    /// Frames that the first driver has run by now.
+    pub fn frames(&self) -> u64 {
+        self.controls.first().map_or(0, |control| control.progress().frames())
+    }
+
+    /// NaN and infinity at actuators by now.
+    pub fn faults(&self) -> Faults {
+        Faults::of(self.controls.iter().map(|control| control.progress().faults()))
+    }
+
     /// Number of replaced plans that have been freed.
     pub fn freed(&self) -> u64 {
         self.controls.iter().map(Control::freed).sum()

@@ -1,6 +1,7 @@
 //! The soundcards of a live run: the stream that drives it, and its inputs.
 
-use super::{CardDriver, CardRequests, Inputs, OpenedStream, Request, card_requests, output_sinks};
+use super::streams::{CardDriver, Inputs};
+use super::{CardRequests, OpenedStream, Request, card_requests, output_sinks};
 use crate::backend::{Backend, BackendError, BackendEvent, Connected, Counts, Lives, Role, State};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::RingReport;

@@ -2,21 +2,21 @@
 
 use super::shared::{Active, Detached, Due, Shared};
 use haptograph_engine::device::Playback;
-use haptograph_engine::run::{Driven, Wake};
+use haptograph_engine::run::{Player, Wake};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
 /// Fills the card's buffers from a live run.
-pub(super) struct PlaybackCallback<D> {
-    live: Active<D>,
+pub(super) struct PlaybackCallback {
+    live: Active<Player>,
     shared: Arc<Shared>,
     due: Due,
 }
 
-impl<D: Driven> PlaybackCallback<D> {
+impl PlaybackCallback {
     /// Takes the run out of the slot.
-    pub(super) fn new(slot: &Detached<D>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+    pub(super) fn new(slot: &Detached<Player>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self { live: slot.attach(), shared: Arc::clone(shared), due: Due::new(rate_hz, start) }
     }
 
@@ -35,7 +35,7 @@ impl<D: Driven> PlaybackCallback<D> {
         let at_rest = live.is_idle();
         let mut clipped = 0;
         for part in data.chunks_mut(live.block() * channels) {
-            live.run_frames(part.len() / channels);
+            live.process(part.len() / channels);
             for device in live.devices_mut() {
                 if let Some(playback) = device.playback() {
                     clipped += place(playback, part, channels, &convert);
@@ -93,7 +93,7 @@ mod tests {
     use haptograph_engine::node::{
         BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
     };
-    use haptograph_engine::run::{FileSinks, Player, Session, SessionOptions};
+    use haptograph_engine::run::{FileSinks, Session, SessionOptions};
     use haptograph_engine::settings::NoSettings;
     use haptograph_signal::quantity::Quantity;
 
@@ -120,13 +120,13 @@ mod tests {
         Session::open(FileSinks::new(graph), &options).unwrap()
     }
 
-    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback<Player>, Arc<Shared>, Session) {
+    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback, Arc<Shared>, Session) {
         let (live, session) = open(graph, seconds);
         let (callback, shared) = callback_of(live);
         (callback, shared, session)
     }
 
-    fn callback_of(live: Player) -> (PlaybackCallback<Player>, Arc<Shared>) {
+    fn callback_of(live: Player) -> (PlaybackCallback, Arc<Shared>) {
         let slot = Detached::of(live);
         let shared = Arc::default();
         let callback = PlaybackCallback::new(&slot, &shared, 48_000, Instant::now());

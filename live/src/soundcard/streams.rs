@@ -9,42 +9,42 @@ use crate::backend::BackendEvent;
 use cpal::traits::DeviceTrait;
 use cpal::{Error, FromSample, InputCallbackInfo, OutputCallbackInfo, SizedSample, Stream, StreamConfig};
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Driven, Player, RingMeter};
+use haptograph_engine::run::{Player, RingMeter};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 /// A stream that drives a live run.
-pub struct CardDriver<D: Driven = Player> {
-    stream: ReconnectingStream<D>,
+pub(super) struct CardDriver {
+    stream: ReconnectingStream<Player>,
     rested: Option<Instant>,
 }
 
-impl<D: Driven> CardDriver<D> {
+impl CardDriver {
     /// Opens the card, which then drives the live run.
     ///
     /// # Errors
     /// [`SoundcardError`] if there is no such card, or it does not support the request.
-    pub fn start(request: Request, live: D) -> Result<Self, SoundcardError> {
+    pub(super) fn start(request: Request, live: Player) -> Result<Self, SoundcardError> {
         Ok(Self { stream: ReconnectingStream::open(request, live)?, rested: None })
     }
 
     /// The stream as the card opened it.
-    pub fn got(&self) -> &OpenedStream {
+    pub(super) fn got(&self) -> &OpenedStream {
         &self.stream.got
     }
 
     /// Polls the stream, and reopens it when a vanished card is back. Returns messages.
-    pub fn poll(&mut self) -> Vec<BackendEvent> {
+    pub(super) fn poll(&mut self) -> Vec<BackendEvent> {
         if self.stream.shared().at_rest.load(Relaxed) && self.rested.is_none() {
             self.rested = Some(Instant::now());
         }
         // The run stands still without its card.
-        self.stream.poll("the run waits", D::resume)
+        self.stream.poll("the run waits", Player::resume)
     }
 
     /// True if the run has ended and its last buffers have been played.
-    pub fn is_finished(&self) -> bool {
+    pub(super) fn is_finished(&self) -> bool {
         let got = self.got();
         let frames = got.buffer_frames.unwrap_or(self.stream.request.buffer_frames);
         let plays = Duration::from_secs_f64(3.0 * f64::from(frames) / f64::from(got.rate_hz));
@@ -52,22 +52,22 @@ impl<D: Driven> CardDriver<D> {
     }
 
     /// True if the card is gone.
-    pub fn is_waiting(&self) -> bool {
+    pub(super) fn is_waiting(&self) -> bool {
         self.stream.is_away()
     }
 
     /// Counts of the stream.
-    pub fn counts(&self) -> CardCounts {
+    pub(super) fn counts(&self) -> CardCounts {
         self.stream.counts()
     }
 
     /// Closes the stream and returns the run.
-    pub fn join(self) -> Option<D> {
+    pub(super) fn join(self) -> Option<Player> {
         self.stream.close()
     }
 }
 
-impl<D: Driven> CallbackState for D {
+impl CallbackState for Player {
     const DIRECTION: Direction = Direction::Play;
 
     fn build<T>(setup: &Setup<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
@@ -91,7 +91,7 @@ impl<D: Driven> CallbackState for D {
 
 /// The input streams of a live run.
 #[derive(Default)]
-pub struct Inputs {
+pub(super) struct Inputs {
     /// Streams with their endpoints.
     streams: Vec<(Vec<String>, ReconnectingStream<InputTaps>)>,
     rings: Vec<Arc<RingMeter>>,
@@ -103,7 +103,7 @@ impl Inputs {
     ///
     /// # Errors
     /// [`SoundcardError`] if there is no such card, or it does not support the request.
-    pub fn open<'l>(
+    pub(super) fn open<'l>(
         graph: &'l Graph,
         lives: impl IntoIterator<Item = &'l mut Player>,
     ) -> Result<Self, SoundcardError> {
@@ -130,18 +130,18 @@ impl Inputs {
     }
 
     /// For each stream: its endpoints, the request, the stream as opened, and its counts.
-    pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &OpenedStream, CardCounts)> {
+    pub(super) fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &OpenedStream, CardCounts)> {
         let streams = self.streams.iter();
         streams.map(|(endpoints, stream)| (&endpoints[..], &stream.request, &stream.got, stream.counts()))
     }
 
     /// Meters of the rings from the cards to the graph.
-    pub(crate) fn rings(&self) -> impl Iterator<Item = &RingMeter> {
+    pub(super) fn rings(&self) -> impl Iterator<Item = &RingMeter> {
         self.rings.iter().map(|meter| &**meter)
     }
 
     /// Polls the streams; returns messages.
-    pub fn poll(&mut self) -> Vec<BackendEvent> {
+    pub(super) fn poll(&mut self) -> Vec<BackendEvent> {
         // Dependent outputs fade out when the card's ring is empty, and rise when it fills again.
         let streams = self.streams.iter_mut();
         streams.flat_map(|(_, stream)| stream.poll("its inputs are silent", |_| {})).collect()

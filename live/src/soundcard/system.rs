@@ -2,7 +2,7 @@
 
 use super::shared::{Detached, Shared};
 use super::{Ability, CardFormat, Listed, OpenedStream, Request, SoundcardError};
-use crate::timer::Timer;
+use crate::timer::prepare_thread;
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
 use cpal::{
     BufferSize, Error, ErrorKind, FromSample, I24, SampleFormat, SizedSample, Stream, StreamConfig,
@@ -261,7 +261,7 @@ impl<P> Setup<P> {
         let mut errors = Some(self.errors.clone());
         move || {
             if let Some(errors) = errors.take() {
-                for refused in Timer::default().prepare_thread().refused {
+                for refused in prepare_thread() {
                     let _ = errors.try_send(refused);
                 }
             }

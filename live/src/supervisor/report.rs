@@ -250,7 +250,7 @@ pub struct TimingReport {
 impl RunReport {
     /// Adds what the connections counted.
     pub(super) fn add_connections(&mut self, connections: &Connections) {
-        self.driver = super::drivers::description(connections);
+        self.driver = super::streams::description(connections);
         for (_, counts) in connections.counted(Role::Driver) {
             if let Counts::Stream(counts) = counts {
                 self.card = Some(CardReport {

@@ -1,6 +1,5 @@
 //! The start of a live run: load, connect, start.
 
-use super::drivers::Drivers;
 use super::inbox::{Inbox, RequestSender};
 use super::live_settings::LiveSettings;
 use super::loading::{self, GraphSource, Job, LoadFn, LoadedGraph, Loader, ParameterDefaults};
@@ -10,6 +9,7 @@ use super::{
 };
 use crate::backend::BackendError;
 use crate::connections::Connections;
+use crate::drivers::Drivers;
 use crate::osc::OscControl;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::graph::Graph;

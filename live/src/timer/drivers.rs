@@ -1,6 +1,6 @@
 //! The timers of a live run.
 
-use super::thread::{Timer, TimerThread};
+use super::thread::TimerThread;
 use crate::backend::{Backend, BackendError, Connected, Counts, Lives, State};
 use haptograph_engine::graph::Graph;
 
@@ -24,7 +24,7 @@ impl Backend for Timers {
             self.0.push(Driver {
                 clock,
                 name: graph.clocks()[clock].name.clone(),
-                thread: Timer::default().start(live).map_err(BackendError::Thread)?,
+                thread: TimerThread::start(live).map_err(BackendError::Thread)?,
             });
         }
         Ok(())
@@ -36,7 +36,7 @@ impl Backend for Timers {
                 true => State::Finished,
                 false => State::Running,
             },
-            refused: driver.thread.notes.refused.clone(),
+            refused: driver.thread.refused.clone(),
             ..Connected::driver(&driver.name, driver.clock, "a timer with 1000 wake-ups a second")
         };
         self.0.iter().map(driver).collect()

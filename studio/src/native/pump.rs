@@ -1,21 +1,27 @@
-//! Thread that sends new data to the pages.
+//! Thread that runs the frames of a stage without drivers, and sends new data to the pages.
 
 use super::lock;
+use crate::clock::PERIOD;
 use crate::publish::{Publisher, STEP};
 use crate::stage::Stage;
 use std::sync::{Mutex, Weak};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-/// Serves the pages of a stage until the stage is dropped.
+/// Serves a stage and its pages until the stage is dropped.
 pub(super) fn run(stage: &Weak<Mutex<Stage>>) {
-    let (mut publisher, mut last) = (Publisher::default(), Instant::now());
+    let (mut publisher, mut last, mut since) = (Publisher::default(), Instant::now(), Duration::ZERO);
+    let mut runs_frames = true;
     loop {
-        std::thread::sleep(STEP);
+        // Others get the stage meanwhile, also while frames take longer than real time.
+        std::thread::sleep(if runs_frames { PERIOD } else { STEP });
         let Some(stage) = stage.upgrade() else { break };
         let passed = last.elapsed();
         last = Instant::now();
+        since += passed;
         let mut stage = lock(&stage);
-        stage.advance_replay(passed);
-        publisher.publish(&mut stage, passed);
+        runs_frames = stage.advance(passed, STEP);
+        if since >= STEP {
+            publisher.publish(&mut stage, std::mem::take(&mut since));
+        }
     }
 }

@@ -2,12 +2,12 @@
 //! engine ([`ArmSwitch`](haptograph_engine::run::ArmSwitch)) and acts where the device is driven.
 
 use super::super::actuators::driven;
-use super::super::drive::Drive;
 use super::super::error::StageError;
 use super::super::run_cycle::State;
 use super::Stage;
 use haptograph_engine::run::Session;
 use haptograph_live::soundcard::output_sinks;
+use haptograph_live::{Connected, Role};
 
 /// The gain behind the limits with which arming begins: -20 dB.
 pub(crate) const FIRST_GAIN: f64 = 0.1;
@@ -28,7 +28,7 @@ impl Stage {
         if self.cycle.replay.is_some() {
             return refused("a replay is running; stop it first");
         }
-        if self.drive.as_ref().is_some_and(Drive::is_waiting) {
+        if self.clock.as_ref().is_some_and(|clock| clock.drivers.is_waiting()) {
             return refused("the soundcard is not there; plug it in first");
         }
         self.devices.note = None;
@@ -38,15 +38,13 @@ impl Stage {
 
     /// The place at which a real device of the run is reached: an address, or the name that the system reports.
     pub(crate) fn place_of(&self, device: &str) -> Option<String> {
-        let mut heard = self.devices.inputs.streams();
-        let is_played = || output_sinks(&self.loaded.graph).iter().any(|output| output.endpoint == device);
-        let card = self.drive.as_ref().and_then(|drive| drive.card());
-        let place = self.devices.network.place(device);
-        let place = place.or_else(|| card.filter(|_| is_played()).map(str::to_owned));
-        place.or_else(|| {
-            let heard = heard.find(|(endpoints, ..)| endpoints.iter().any(|endpoint| endpoint == device));
-            heard.map(|(_, _, got, _)| got.card.clone())
-        })
+        let is_played = output_sinks(&self.loaded.graph).iter().any(|output| output.endpoint == device);
+        let reaches = |known: &Connected| match known.role {
+            Role::Driver => is_played,
+            _ => known.names.iter().any(|name| name == device),
+        };
+        let status = self.clock.as_ref()?.drivers.status();
+        status.into_iter().find(reaches).map(|known| known.place)
     }
 
     /// Takes the real actuators to zero until they are armed again.

@@ -1,7 +1,7 @@
 //! Begin and end of recordings.
 
 use super::super::error::StageError;
-use super::super::record::{APPENDED, Appended, MAX_EVENTS, Recording, STROKES};
+use super::super::record::{APPENDED, Appended, MAX_EVENTS, Recorder, Recording, STROKES};
 use super::super::run_cycle::NextRun;
 use super::Stage;
 use haptograph_signal::files;
@@ -40,8 +40,9 @@ impl Stage {
 
     /// Ends the recording at the present frame.
     pub(crate) fn close_recording(&mut self) {
-        if let (Some(recording), Some(drive)) = (&mut self.recorder.recording, &self.drive) {
-            recording.frames = drive.between_frames(|frame| frame);
+        let frames = self.frames();
+        if let Some(recording) = self.recorder.recording.as_mut().filter(|_| self.session.is_some()) {
+            recording.frames = frames;
         }
     }
 
@@ -61,11 +62,9 @@ impl Stage {
 
     /// Appends what was recorded since the last call to the file of the run.
     pub(crate) fn append_recording(&mut self) {
-        let (Some(recording), Some(drive)) = (&self.recorder.recording, &self.drive) else {
-            return;
-        };
-        let frames = drive.pace.frames();
-        if let Some(appended) = &mut self.recorder.appended {
+        let frames = self.frames();
+        let Recorder { recording, appended, .. } = &mut self.recorder;
+        if let (Some(recording), Some(appended), true) = (recording, appended, self.session.is_some()) {
             // What could not be written, as on a full disk, is written with the next part.
             let _ = appended.append(recording, frames);
         }

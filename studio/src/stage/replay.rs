@@ -1,16 +1,11 @@
 //! Replays on the running graph.
 
-use super::super::actuators::driven;
-use super::super::drive::Drive;
+use super::super::actuators::has_real;
 use super::super::error::StageError;
 use super::super::record::Recording;
 use super::super::replay::ReplayStep;
 use super::super::run_cycle::NextRun;
 use super::Stage;
-use std::time::Duration;
-
-/// Maximum duration that a replay advances in one call, s: the buffers of probes hold more.
-const MAX_ADVANCE_S: f64 = 0.5;
 
 impl Stage {
     /// Replays a recording on the running graph; the message says whether it was made with this graph.
@@ -25,10 +20,10 @@ impl Stage {
         recording.check(self.signals.rate_hz).map_err(|error| other(&error))?;
         let same = recording.is_of(&self.source, &self.loaded.text);
         self.restart(NextRun::Replay(recording));
-        let is_exact = same && driven(&self.loaded.graph).is_empty();
+        let is_exact = same && !has_real(&self.loaded.graph);
         Ok(match (same, is_exact) {
             (true, true) => "of this graph: the same samples".to_owned(),
-            // See `between_frames`.
+            // See `frames`.
             (true, false) => {
                 "of this graph, recorded with real devices: the same strokes, the samples may differ"
                     .to_owned()
@@ -40,13 +35,13 @@ impl Stage {
         })
     }
 
-    /// Runs `frames` frames if the caller drives the run, with the replayed events due before each.
+    /// Runs `frames` frames, unless drivers do, with the replayed events due before each.
     pub(crate) fn run(&mut self, frames: usize) {
         let mut left = frames as u64;
         while left > 0 {
             let part = left.min(self.replay_due_events());
-            if let Some(drive) = &mut self.drive {
-                drive.process(part as usize);
+            if let Some(clock) = &mut self.clock {
+                clock.process(part as usize);
             }
             left -= part;
         }
@@ -54,8 +49,8 @@ impl Stage {
 
     /// Replays the events that are due; returns the number of frames until the next one.
     fn replay_due_events(&mut self) -> u64 {
-        while let (Some(replay), Some(drive)) = (&mut self.cycle.replay, &self.drive) {
-            let frame = drive.pace.frames();
+        let frame = self.frames();
+        while let Some(replay) = &mut self.cycle.replay {
             match replay.next(frame) {
                 ReplayStep::Move(made) => {
                     let (due_s, pointer) = made.pointer();
@@ -79,18 +74,5 @@ impl Stage {
             }
         }
         u64::MAX
-    }
-
-    /// If a thread drives the run: replays the events for the elapsed time `passed`.
-    pub(crate) fn advance_replay(&mut self, passed: Duration) {
-        let is_ours = self.drive.as_ref().is_some_and(Drive::is_the_callers);
-        if self.host.is_driven_by_caller || !is_ours {
-            self.cycle.pending_s = 0.0;
-            return;
-        }
-        self.cycle.pending_s = (self.cycle.pending_s + passed.as_secs_f64()).min(MAX_ADVANCE_S);
-        let frames = (self.cycle.pending_s * self.signals.rate_hz).floor();
-        self.cycle.pending_s -= frames / self.signals.rate_hz;
-        self.run(frames as usize);
     }
 }

@@ -1,7 +1,7 @@
 //! Begin and end of the runs of a stage.
 
-use super::super::actuators::driven;
-use super::super::drive::{Drive, DrivenBy};
+use super::super::actuators::has_real;
+use super::super::clock::{Clock, PERIOD};
 use super::super::error::{StageError, other};
 use super::super::levels::Costs;
 use super::super::pads::Pad;
@@ -14,10 +14,10 @@ use super::super::talk;
 use super::Stage;
 use haptograph_engine::host::HostError;
 use haptograph_engine::run::{Player, SessionOptions};
-use haptograph_live::soundcard::{Inputs, card_requests};
+use haptograph_live::Connections;
 use serde_json::json;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long a page waits for the fall to zero; a limiter may make it longer.
 const STOPPING: Duration = Duration::from_secs(2);
@@ -42,7 +42,7 @@ impl Stage {
         self.cycle.is_stopping = false;
         let begun = self.begin(how);
         if begun.is_err() {
-            self.devices.release(&self.source.registry);
+            self.devices.release();
         }
         begun
     }
@@ -62,13 +62,12 @@ impl Stage {
         let options = self.play_options(&ports);
         // A replay drives nothing real, and hears nothing that was not recorded.
         let is_live = self.host.can_drive && !matches!(how, NextRun::Replay(_));
+        let mut connections = Connections::with_drivers(&self.source.registry);
         if is_live {
-            self.devices.card_requests = Some(card_requests(&self.loaded.graph).map_err(other)?);
-            self.devices.network.connect(&mut self.loaded.graph).map_err(other)?;
-            self.note_refusals();
+            connections.connect(&mut self.loaded.graph).map_err(other)?;
         }
         let graph = &self.loaded.graph;
-        let (mut player, mut session) = Player::open(graph, &options).map_err(|error| match error {
+        let (player, mut session) = Player::open(graph, &options).map_err(|error| match error {
             HostError::Drivers { count, drivers } => other(format_args!(
                 "the studio runs graphs with one driver clock, and this one has {count}: `{}`; make the others `Derived` \
                  clocks of one of them, or run the graph without a page",
@@ -76,9 +75,6 @@ impl Stage {
             )),
             error => other(error),
         })?;
-        if is_live {
-            self.devices.inputs = Inputs::open(graph, [&mut player]).map_err(other)?;
-        }
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.signals.pads = pads.collect::<Result<_, _>>().map_err(other)?;
         let scope = |port: Port| session.any_probe(&port.name).map(|frames| Scope::from_start(port, frames));
@@ -87,12 +83,11 @@ impl Stage {
         self.signals.costs = Costs::default();
         let rate_of = |driver: &usize| graph.clocks()[*driver].rate.hz();
         self.signals.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
-        self.drive = Some(self.drive_by(player, &how, is_live)?);
-        if is_live {
-            self.devices.network.keep(&self.loaded.graph);
-            let refused = self.drive.as_ref().and_then(|drive| drive.refused().first().cloned());
-            self.devices.note = self.devices.note.take().or(refused);
-        }
+        // Where no device is real, commands, pointers and a recording have an exact frame each.
+        let has_drivers = is_live && has_real(graph);
+        let clock = Clock::start((graph, connections), player, &options, has_drivers);
+        self.clock = Some(clock.map_err(other)?);
+        self.note_refusals(&[]);
         self.begin_recording_or_replay(how);
         self.session = Some(session);
         self.cycle.state = State::Running;
@@ -100,10 +95,11 @@ impl Stage {
         Ok(())
     }
 
-    /// Shows what devices lack, as a guard.
-    pub(crate) fn note_refusals(&mut self) {
-        let refused = self.devices.network.status().into_iter().flat_map(|known| known.refused);
-        self.devices.note = refused.last().or(self.devices.note.take());
+    /// Shows what the system refused since it refused `before`, such as real-time scheduling.
+    pub(crate) fn note_refusals(&mut self, before: &[String]) {
+        let refused = self.clock.as_ref().map(|clock| clock.drivers.notes()).unwrap_or_default();
+        let new = refused.into_iter().find(|note| !before.contains(note));
+        self.devices.note = new.or(self.devices.note.take());
     }
 
     /// Options of a run with these probes.
@@ -118,21 +114,6 @@ impl Stage {
             devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
         options.arm = Some(Arc::clone(&self.devices.switch));
         options
-    }
-
-    /// Starts the driver of the player: the soundcard that the graph plays on, a timer, or the caller.
-    fn drive_by(&self, player: Player, how: &NextRun, is_live: bool) -> Result<Drive, StageError> {
-        let requests = self.devices.card_requests.as_ref().filter(|_| is_live);
-        if let Some(request) = requests.and_then(|requests| requests.output.clone()) {
-            return Drive::start_by_card(player, request).map_err(other);
-        }
-        let is_real = self.host.can_drive && !driven(&self.loaded.graph).is_empty();
-        let driven_by = match how {
-            NextRun::Replay(_) => DrivenBy::Caller,
-            _ if self.host.is_driven_by_caller => DrivenBy::Caller,
-            _ => DrivenBy::Timer { is_real },
-        };
-        Drive::start(player, driven_by).map_err(other)
     }
 
     /// Begins the recording or the replay of a run.
@@ -153,14 +134,38 @@ impl Stage {
     /// caller drives, within its next frames.
     fn stop_within(&mut self, longest: Duration) {
         self.disarm();
-        let (Some(session), Some(drive)) = (&self.session, &mut self.drive) else {
+        let Some(session) = &self.session else {
             return;
         };
         session.stop();
         self.cycle.is_stopping = true;
-        if drive.is_done_within(longest) {
+        if self.is_done_within(longest) {
             self.end();
         }
+    }
+
+    /// True if the stopped run is over, within this time if no page's audio thread runs its frames. Without drivers they
+    /// are run at once.
+    fn is_done_within(&mut self, longest: Duration) -> bool {
+        let is_over = |stage: &Self| stage.clock.as_ref().is_none_or(|clock| clock.is_over(true));
+        match self.clock.as_mut().filter(|_| !self.host.is_driven_by_caller) {
+            Some(clock) if clock.has_drivers() => clock.wait(longest),
+            Some(_) => {
+                let begun = Instant::now();
+                let part = (PERIOD.as_secs_f64() * self.signals.rate_hz).ceil();
+                let parts = longest.as_secs_f64() * self.signals.rate_hz / part;
+                for _ in 0..parts.ceil() as u64 {
+                    if is_over(self) || begun.elapsed() >= longest {
+                        break;
+                    }
+                    self.run(part as usize);
+                    self.look_at_scopes(self.now_s());
+                    send_samples(self);
+                }
+            }
+            None => {}
+        }
+        is_over(self)
     }
 
     pub(crate) fn end(&mut self) {
@@ -168,12 +173,12 @@ impl Stage {
             self.close_recording();
         }
         let now_s = self.now_s();
-        let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
+        let (Some(session), Some(clock)) = (self.session.take(), self.clock.take()) else {
             return;
         };
         self.disarm();
-        let ended = drive.join().map(|player| session.finish(player));
-        self.devices.release(&self.source.registry);
+        let ended = clock.join().map(|player| session.finish(player));
+        self.devices.release();
         // The last frames: what begins next has scopes of its own.
         self.look_at_scopes(now_s);
         send_samples(self);
@@ -241,9 +246,7 @@ impl Stage {
     /// Ends the run with complete files.
     pub(crate) fn close(&mut self) {
         self.halt();
-        if let Some(drive) = &mut self.drive {
-            drive.is_done_within(CLOSING);
-        }
+        self.is_done_within(CLOSING);
         self.end();
     }
 }

@@ -1,12 +1,12 @@
 //! The swap of the running graph for another.
 
-use super::super::actuators::driven;
+use super::super::actuators::{driven, has_real};
+use super::super::clock::Clock;
 use super::super::error::{StageError, other};
 use super::super::load::{Loaded, Source};
 use super::super::scope::{self, Scope};
 use super::Stage;
 use haptograph_engine::graph::Graph;
-use haptograph_live::soundcard::card_requests;
 
 impl Stage {
     /// Swaps the graph; returns a description of the change.
@@ -23,9 +23,10 @@ impl Stage {
         let names: Vec<String> = ports.iter().map(|port| port.name.clone()).collect();
         // What is driven with other settings is not what was armed.
         let disarms = driven(&self.loaded.graph) != driven(&next.graph);
-        let Some(session) = self.session.as_mut() else {
+        let (Some(session), Some(clock)) = (self.session.as_mut(), self.clock.as_mut()) else {
             return Err(other("the run is stopped"));
         };
+        let refused = clock.drivers.notes();
         let mut change = |graph: &Graph| {
             if disarms {
                 self.devices.switch.disarm();
@@ -33,10 +34,10 @@ impl Stage {
             session.change_and_probe(graph, None, &names)
         };
         let changed = match self.host.can_drive {
-            true => self.devices.network.replace(&mut next.graph, change).map_err(other)?,
+            true => clock.drivers.replace(&mut next.graph, change).map_err(other)?,
             false => change(&next.graph).map_err(other)?,
         };
-        self.note_refusals();
+        self.note_refusals(&refused);
         self.signals.scopes.retain(|scope| ports.contains(&scope.port));
         for port in ports {
             if !self.signals.scopes.iter().any(|scope| scope.port == port) {
@@ -59,17 +60,10 @@ impl Stage {
         if self.recorder.recording.is_some() || self.cycle.replay.is_some() {
             return Some("a recording or a replay keeps its graph; end it first".to_owned());
         }
-        if self.devices.card_requests.is_some()
-            && self.devices.card_requests != card_requests(&next.graph).ok()
-        {
+        let has_drivers = self.clock.as_ref().is_some_and(Clock::has_drivers);
+        if self.host.can_drive && !has_drivers && has_real(&next.graph) {
             return Some(
-                "the graph requests another soundcard; stop the run, apply the graph, then resume".to_owned(),
-            );
-        }
-        // The timer of a run without real devices holds a lock while it computes, and catches up after a stall.
-        if self.host.can_drive && driven(&self.loaded.graph).is_empty() && !driven(&next.graph).is_empty() {
-            return Some(
-                "the graph begins to drive a real device; stop the run, apply the graph, then resume"
+                "the graph begins to reach a real device; stop the run, apply the graph, then resume"
                     .to_owned(),
             );
         }

@@ -1,10 +1,9 @@
 //! The drivers of a live run, one per driver clock of the graph, and the devices around it.
 
-use crate::backend::{BackendError, Connected, Counts, Role, State};
+use crate::backend::{BackendError, Connected, State};
 use crate::connections::Connections;
-use crate::soundcard::CardCounts;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Histogram, Player};
+use haptograph_engine::run::Player;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,8 +17,8 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(5);
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 /// Running drivers, and the connections that they are part of. Dropping it stops them on every path, including errors and
-/// panics.
-pub(super) struct Drivers {
+/// panics. A graph whose time is the caller's has connections only.
+pub struct Drivers {
     connections: Connections,
     /// When the first driver was found to have ended.
     first_end: Option<Instant>,
@@ -29,8 +28,12 @@ pub(super) struct Drivers {
 }
 
 impl Drivers {
-    /// Starts a driver for each of `lives`, which are in the order of the graph. `stop` stops them.
-    pub(super) fn start(
+    /// Starts a driver for each of `lives`, which are in the order of the graph; none if the caller runs them. `stop` stops
+    /// them.
+    ///
+    /// # Errors
+    /// [`BackendError`] if one cannot be started, or a clock has none.
+    pub fn start(
         connections: Connections,
         graph: &Graph,
         lives: Vec<Player>,
@@ -47,7 +50,7 @@ impl Drivers {
     }
 
     /// What the system refused at the start, without repetition.
-    pub(super) fn notes(&self) -> Vec<String> {
+    pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for note in self.connections.status().into_iter().flat_map(|known| known.refused) {
             if !notes.contains(&note) {
@@ -58,7 +61,7 @@ impl Drivers {
     }
 
     /// True if the run is over or, with `stopping`, if nothing can end it: its soundcard is gone.
-    pub(super) fn is_finished(&self, stopping: bool) -> bool {
+    pub fn is_finished(&self, stopping: bool) -> bool {
         self.all().all(|driver| match driver.state {
             State::Finished => true,
             State::Waiting => stopping,
@@ -67,25 +70,34 @@ impl Drivers {
     }
 
     /// True if one driver has ended while others still run; they must then be stopped.
-    pub(super) fn is_partly_finished(&mut self) -> bool {
+    pub fn is_partly_finished(&mut self) -> bool {
         if self.first_end.is_none() && self.all().any(|driver| driver.state == State::Finished) {
             self.first_end = Some(Instant::now());
         }
         self.first_end.is_some_and(|since| since.elapsed() > MAX_END_DELAY)
     }
 
+    /// True if the soundcard of a driver is gone and may come back.
+    pub fn is_waiting(&self) -> bool {
+        self.all().any(|driver| driver.state == State::Waiting)
+    }
+
     /// Waits for the end of the run. Returns its real-time sides in the order of the graph.
-    pub(super) fn join(&mut self) -> Result<Vec<Player>, BackendError> {
+    ///
+    /// # Errors
+    /// [`BackendError::Lost`] if a driver's thread panicked.
+    pub fn join(&mut self) -> Result<Vec<Player>, BackendError> {
         self.is_closed = true;
         let lives = self.connections.close()?;
         Ok(lives.into_iter().map(|(_, live)| live).collect())
     }
 
     /// Stops all drivers and waits until none drives any device.
-    pub(super) fn stop(&mut self) {
+    pub fn stop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        let since = Instant::now();
-        while !self.is_finished(true) && since.elapsed() < STOP_TIMEOUT {
+        // A browser has no drivers, and no system clock.
+        let mut since = None;
+        while !self.is_finished(true) && since.get_or_insert_with(Instant::now).elapsed() < STOP_TIMEOUT {
             std::thread::sleep(POLL_PERIOD);
             // A soundcard is found to be at rest here.
             self.connections.poll();
@@ -113,58 +125,4 @@ impl Drop for Drivers {
             self.stop();
         }
     }
-}
-
-/// Description of the drivers of a run.
-pub(super) fn description(connections: &Connections) -> String {
-    let all = connections.counted(Role::Driver).map(|(driver, _)| driver);
-    let mut all: Vec<Connected> = all.collect();
-    all.sort_by_key(|driver| driver.clock);
-    match &all[..] {
-        [one] => one.place.clone(),
-        several => {
-            let each = several.iter().map(|driver| format!("{} by {}", driver.names.concat(), driver.place));
-            each.collect::<Vec<_>>().join("; ")
-        }
-    }
-}
-
-/// The output latency that the system stated.
-pub(super) fn output_latency(connections: &Connections) -> Option<Histogram> {
-    connections.counted(Role::Driver).find_map(|(_, counts)| match counts {
-        Counts::Stream(counts) => Some(counts.latency),
-        Counts::None | Counts::Packets(..) => None,
-    })
-}
-
-/// Warnings about the streams of a run.
-pub(super) fn warnings(connections: &Connections) -> Vec<String> {
-    let mut list = Vec::new();
-    for (connected, counts) in
-        [Role::Driver, Role::Input].into_iter().flat_map(|role| connections.counted(role))
-    {
-        let (whose, xrun) = match connected.role {
-            Role::Input => (format!("the input of {}", connected.names.join(" and ")), "ran over"),
-            Role::Driver | Role::Link => ("the soundcard".to_owned(), "ran dry"),
-        };
-        if let Counts::Stream(counts) = counts {
-            list.extend(troubles(&whose, xrun, &counts));
-        }
-    }
-    list
-}
-
-/// Warnings about a stream; `xrun` describes an xrun of it.
-fn troubles(whose: &str, xrun: &str, counts: &CardCounts) -> Vec<String> {
-    let mut list = Vec::new();
-    if counts.xruns > 0 {
-        list.push(format!("{whose} {xrun} {} times: the signal has gaps", counts.xruns));
-    }
-    if counts.clipped > 0 {
-        list.push(format!(
-            "{} samples were beyond the full scale of {whose} and were cut off",
-            counts.clipped
-        ));
-    }
-    list
 }
