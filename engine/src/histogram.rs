@@ -172,6 +172,13 @@ mod tests {
     }
 
     #[test]
+    fn durations_beyond_a_bound_are_counted() {
+        let mut histogram = Histogram::default();
+        [5, 90, 200, 3000].iter().for_each(|ns| histogram.record(*ns));
+        assert_eq!([4, 100, 5000].map(|ns| histogram.count_beyond(ns)), [4, 2, 0]);
+    }
+
+    #[test]
     fn ages_are_counted_from_the_newest() {
         let meter = AgeMeter::default();
         let begun = Instant::now();

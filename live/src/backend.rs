@@ -127,6 +127,8 @@ pub struct Connected {
     pub clock: Option<usize>,
     /// Address, path, port, stream or timer.
     pub place: String,
+    /// The same in short: of a soundcard its name.
+    pub hardware: String,
     /// State of the connection or driver.
     pub state: State,
     /// Privileges that the system refused at the start, and how to grant them.
@@ -136,11 +138,13 @@ pub struct Connected {
 impl Connected {
     /// A working connection of a device.
     pub fn link(name: &str, place: impl Into<String>) -> Self {
+        let place = place.into();
         Self {
             names: vec![name.to_owned()],
             role: Role::Link,
             clock: None,
-            place: place.into(),
+            hardware: place.clone(),
+            place,
             state: State::Running,
             refused: Vec::new(),
         }
@@ -282,7 +286,7 @@ pub enum BackendError {
     /// No backend of the registry reaches a real device, or one that drives the graph, which the caller does here.
     #[error(
         "nothing reaches device `{device}`, a `{kind}`: add a backend of that kind to the registry; one that drives the graph is \
-         for a `Supervisor`"
+         for `Drivers` or a `Supervisor`"
     )]
     Unreached {
         /// Name of the endpoint.

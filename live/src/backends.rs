@@ -23,8 +23,8 @@ pub const BACKENDS: &[BackendEntry] = &[
 struct OwnBackends(Vec<BackendEntry>);
 
 /// Adds a backend of the program's own to a registry, for device kinds that the program registers. All live runs of that
-/// registry have it, those of the command and of the studio too; where the program or the studio drives the graph itself,
-/// those that do not drive.
+/// registry have it, those of the command and of the studio too; where the program drives the graph itself, those that do not
+/// drive.
 pub fn add_backend(registry: &mut Registry, entry: BackendEntry) {
     let mut own = registry.attached::<OwnBackends>().cloned().unwrap_or_default();
     own.0.push(entry);

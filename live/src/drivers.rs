@@ -1,6 +1,6 @@
 //! The drivers of a live run, one per driver clock of the graph, and the devices around it.
 
-use crate::backend::{BackendError, Connected, State};
+use crate::backend::{BackendError, Connected, Lives, State};
 use crate::connections::Connections;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::Player;
@@ -28,8 +28,8 @@ pub struct Drivers {
 }
 
 impl Drivers {
-    /// Starts a driver for each of `lives`, which are in the order of the graph; none if the caller runs them. `stop` stops
-    /// them.
+    /// Starts a driver for each of `lives`, which are in the order of the graph; none if the caller runs them. The connections
+    /// are [`with_drivers`](Connections::with_drivers); `stop` stops the drivers.
     ///
     /// # Errors
     /// [`BackendError`] if one cannot be started, or a clock has none.
@@ -40,8 +40,10 @@ impl Drivers {
         stop: &Arc<AtomicBool>,
     ) -> Result<Self, BackendError> {
         let mut drivers = Self { connections, first_end: None, stop: Arc::clone(stop), is_closed: false };
-        let lives = graph.drivers().into_iter().zip(lives).collect();
-        drivers.connections.drive(graph, lives)?;
+        let lives: Lives = graph.drivers().into_iter().zip(lives).collect();
+        if !lives.is_empty() {
+            drivers.connections.drive(graph, lives)?;
+        }
         Ok(drivers)
     }
 

@@ -1,7 +1,7 @@
 //! What runs the frames of a run: the stage itself, or drivers.
 
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Meters, Player, Session, SessionOptions, Wake};
+use haptograph_engine::run::{Player, Session, SessionOptions};
 use haptograph_live::{BackendError, Connections, Counts, Drivers, Role};
 use std::time::{Duration, Instant};
 
@@ -21,11 +21,31 @@ pub(crate) struct Clock {
 /// Runs the frames on the thread that holds the stage: in a browser, in a replay, and where no device is real.
 struct OwnClock {
     player: Box<Player>,
-    /// Time to be run, s.
-    due_s: f64,
-    /// Number of frames at the last call of [`Clock::keep_time`].
-    kept_at: u64,
-    timing: Meters,
+    /// Time to be run, s; `None` before the first frame.
+    due_s: Option<f64>,
+    timing: Timing,
+}
+
+/// Timing of a run so far.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Timing {
+    pub frames: u64,
+    /// Computing time, ns.
+    pub work_ns: u64,
+    /// Delay of the latest wake-up, ns.
+    pub late_ns: u64,
+    /// Number of late wake-ups.
+    pub late: u64,
+}
+
+impl Timing {
+    /// Notes the frames up to now, computed in this time, and the delay of the last of them.
+    fn record(&mut self, frames: u64, work: Duration, late_s: f64) {
+        self.frames = frames;
+        self.work_ns += work.as_nanos() as u64;
+        self.late_ns = (late_s * 1e9) as u64;
+        self.late += u64::from(self.late_ns > LATE_NS);
+    }
 }
 
 impl Clock {
@@ -43,14 +63,9 @@ impl Clock {
             true => (vec![player], None),
             false => (Vec::new(), Some(player)),
         };
-        let mut drivers = Drivers::start(connections, graph, lives, &options.stop)?;
-        drivers.keep(graph);
-        let own = own.map(|player| OwnClock {
-            player: Box::new(player),
-            due_s: 0.0,
-            kept_at: 0,
-            timing: Meters::default(),
-        });
+        let drivers = Drivers::start(connections, graph, lives, &options.stop)?;
+        let own =
+            own.map(|player| OwnClock { player: Box::new(player), due_s: None, timing: Timing::default() });
         Ok(Self { drivers, own })
     }
 
@@ -75,14 +90,18 @@ impl Clock {
         })
     }
 
-    /// Timing of the run: its meters and the number of late wake-ups.
-    pub(crate) fn timing(&self, session: &mut Session) -> (Meters, u64) {
-        let meters = match &self.own {
-            Some(own) => own.timing.clone(),
-            None => session.poll().first().map(|(_, meters)| (*meters).clone()).unwrap_or_default(),
-        };
-        let late = meters.lateness.count_beyond(LATE_NS);
-        (meters, late)
+    /// Timing of the run so far.
+    pub(crate) fn timing(&self, session: &mut Session) -> Timing {
+        if let Some(own) = &self.own {
+            return own.timing;
+        }
+        let polled = session.poll();
+        polled.first().map_or_else(Timing::default, |(_, meters)| Timing {
+            frames: meters.frames,
+            work_ns: meters.work_ns,
+            late_ns: meters.late_ns,
+            late: meters.lateness.count_beyond(LATE_NS),
+        })
     }
 
     /// Runs `frames` frames, unless drivers do. Real-time code.
@@ -92,37 +111,43 @@ impl Clock {
         }
     }
 
+    /// Largest number of frames to run at once: those of a period, or a block of the plan if it is shorter.
+    pub(crate) fn part(&self, rate_hz: f64) -> u64 {
+        let block = self.own.as_ref().map_or(1, |own| own.player.block());
+        (PERIOD.as_secs_f64() * rate_hz).ceil().min(block as f64) as u64
+    }
+
     /// Number of frames that are due after `passed` more time; 0 if drivers run them. What takes longer than real time is
     /// late, and then skipped.
     pub(crate) fn due(&mut self, passed: Duration, rate_hz: f64) -> u64 {
         let Some(own) = &mut self.own else { return 0 };
-        own.due_s = (own.due_s + passed.as_secs_f64()).min(MAX_DUE_S);
-        (own.due_s * rate_hz).floor() as u64
+        // No run catches up with the time before it began.
+        let due_s = own.due_s.map_or(0.0, |due_s| due_s + passed.as_secs_f64());
+        // Also a slow clock has a tick.
+        let due_s = due_s.min(MAX_DUE_S + 1.0 / rate_hz);
+        own.due_s = Some(due_s);
+        (due_s * rate_hz).floor() as u64
     }
 
-    /// Notes that `frames` of the due frames were run in this time, `passed` after the ones before.
-    pub(crate) fn ran(&mut self, frames: u64, (passed, work): (Duration, Duration), rate_hz: f64) {
+    /// Notes that `frames` of the due frames were run in this time.
+    pub(crate) fn ran(&mut self, frames: u64, work: Duration, rate_hz: f64) {
         let Some(own) = &mut self.own else { return };
-        own.due_s -= frames as f64 / rate_hz;
-        let late = passed.saturating_sub(PERIOD);
-        own.timing.record(&wake(frames, late, (passed, work)));
+        let due_s = own.due_s.unwrap_or_default() - frames as f64 / rate_hz;
+        own.due_s = Some(due_s);
+        own.timing.record(own.player.frames(), work, (due_s - 1.0 / rate_hz).max(0.0));
     }
 
     /// Updates the timing if a page's audio thread runs the frames: wall-clock time and computing time since the last
     /// call.
     pub(crate) fn keep_time(&mut self, passed: Duration, work: Duration, rate_hz: f64) {
         let Some(own) = &mut self.own else { return };
-        let frames = own.player.frames() - own.kept_at;
-        own.kept_at += frames;
-        let late_s = (passed.as_secs_f64() - frames as f64 / rate_hz).max(0.0);
-        own.timing.record(&wake(frames, Duration::from_secs_f64(late_s), (passed, work)));
+        let frames = own.player.frames();
+        let run_s = (frames - own.timing.frames) as f64 / rate_hz;
+        own.timing.record(frames, work, (passed.as_secs_f64() - run_s).max(0.0));
     }
 
-    /// Waits for drivers, until the run is over or `longest` has passed.
+    /// Waits until the drivers have ended the run, or `longest` has passed.
     pub(crate) fn wait(&mut self, longest: Duration) {
-        if !self.has_drivers() {
-            return;
-        }
         let asked = Instant::now();
         while !self.is_over(true) && asked.elapsed() < longest {
             std::thread::sleep(PERIOD);
@@ -130,22 +155,68 @@ impl Clock {
         }
     }
 
-    /// Ends the run and disconnects its devices, after a last zero to each. Returns the player unless its thread panicked.
+    /// Ends the run and disconnects its devices, after a last zero to each. Returns the player unless its thread panicked,
+    /// or is still on its way to zero: a slew limit can make that long.
     pub(crate) fn join(mut self) -> Option<Player> {
         if let Some(own) = self.own {
             return Some(*own.player);
         }
         self.drivers.stop();
-        self.drivers.join().ok()?.pop()
+        match self.drivers.is_finished(true) {
+            true => self.drivers.join().ok()?.pop(),
+            false => None,
+        }
     }
 }
 
-fn wake(frames: u64, late: Duration, (passed, work): (Duration, Duration)) -> Wake {
-    Wake {
-        late_ns: late.as_nanos() as u64,
-        work_ns: work.as_nanos() as u64,
-        frames: frames as u32,
-        lost: 0,
-        overrun: work > passed,
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, check};
+
+    fn clock(rate_hz: f64) -> Clock {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "slow": Driver(rate_hz: {rate_hz:?}) }},
+                nodes: {{ "one": Constant(clock: "slow", value: 1, quantity: "number") }})"#
+        );
+        let registry = haptograph_nodes::registry();
+        let document = Document::parse("g.ron", &text).expect("it is RON");
+        let graph = check(&document, &registry, &CheckOptions::default()).expect("it is valid");
+        let options = SessionOptions::default();
+        let (player, _) = Player::open(&graph, &options).expect("it runs");
+        let connections = Connections::with_drivers(&registry);
+        Clock::start((&graph, connections), player, &options, false).expect("it needs no driver")
+    }
+
+    #[test]
+    fn also_a_clock_below_one_hertz_ticks() {
+        let mut clock = clock(0.5);
+        let second = Duration::from_secs(1);
+        // The time before the first call is not caught up with.
+        let due: Vec<u64> = (0..5)
+            .map(|_| {
+                let due = clock.due(second, 0.5);
+                clock.process(due as usize);
+                clock.ran(due, Duration::ZERO, 0.5);
+                due
+            })
+            .collect();
+        assert_eq!(due, [0, 0, 1, 0, 1]);
+        assert_eq!((clock.part(0.5), clock.is_over(false)), (1, false));
+    }
+
+    #[test]
+    fn what_cannot_keep_up_is_late_and_skips_frames() {
+        let mut clock = clock(1000.0);
+        clock.due(Duration::ZERO, 1000.0);
+        for _ in 0..10 {
+            assert!(clock.due(Duration::from_millis(100), 1000.0) <= 501);
+            clock.process(50);
+            clock.ran(50, Duration::from_millis(100), 1000.0);
+        }
+        let timing = clock.own.expect("no driver runs").timing;
+        assert!(timing.late > 5 && timing.late_ns > 400_000_000, "{timing:?}");
+        assert_eq!((timing.frames, timing.work_ns), (500, 1_000_000_000));
     }
 }

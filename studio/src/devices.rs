@@ -1,9 +1,9 @@
-//! The real devices of the run.
+//! Arming of the real devices, and what they were last found to do.
 
 use haptograph_engine::run::ArmSwitch;
 use std::sync::Arc;
 
-/// The real devices of the run.
+/// Arming of the real devices, and what they were last found to do.
 #[derive(Default)]
 pub(crate) struct Devices {
     /// Arms the real actuators; the same for all runs.
@@ -16,7 +16,7 @@ pub(crate) struct Devices {
 
 impl Devices {
     /// Forgets what was said of the devices of a run.
-    pub(crate) fn release(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.note = None;
         self.heard.clear();
     }

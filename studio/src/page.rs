@@ -157,7 +157,7 @@ impl Engine {
     /// time since the last call, `busy` the time that [`process`](Self::process) took of it.
     pub fn publish(&mut self, passed: Duration, busy: Duration) {
         self.stage.keep_time(passed, busy);
-        self.publisher.publish(&mut self.stage, passed);
+        self.publisher.publish(&mut self.stage);
     }
 
     /// The next message to the page.

@@ -1,6 +1,6 @@
 //! Messages to pages during a run: samples, sound and status.
 
-use super::clock::Clock;
+use super::clock::{Clock, Timing};
 use super::frames;
 use super::levels::short;
 use super::run_cycle::State;
@@ -19,23 +19,20 @@ const STATUS: u32 = 10;
 #[derive(Debug, Default)]
 pub(crate) struct Publisher {
     looks: u32,
-    /// Time since the last status.
-    passed: Duration,
-    /// Computing time of the run at the last status, ns.
-    busy_ns: u64,
+    /// Timing of the run at the last status.
+    timing: Timing,
 }
 
 impl Publisher {
-    /// Call it about every [`STEP`]; `passed` is the time since the last call.
-    pub(crate) fn publish(&mut self, stage: &mut Stage, passed: Duration) {
+    /// Call it about every [`STEP`].
+    pub(crate) fn publish(&mut self, stage: &mut Stage) {
         stage.look();
         send_samples(stage);
         stage.end_what_is_over();
-        self.passed += passed;
         self.looks += 1;
         if self.looks == STATUS {
             let levels = stage.session.iter().flat_map(Session::actuator_levels).collect::<Vec<_>>();
-            let status = status(stage, &levels, (self.passed, &mut self.busy_ns));
+            let status = status(stage, &levels, &mut self.timing);
             for page in 0..stage.pages.list.len() {
                 let mut own = status.clone();
                 own["owner"] = json!(stage.pages.owner == Some(stage.pages.list[page].id));
@@ -44,7 +41,7 @@ impl Publisher {
             }
             send_levels(stage, &levels);
             stage.append_recording();
-            (self.looks, self.passed) = (0, Duration::ZERO);
+            self.looks = 0;
         }
         let gone = stage.pages.list.iter().filter(|page| page.is_gone).map(|page| page.id);
         for page in gone.collect::<Vec<_>>() {
@@ -77,7 +74,7 @@ pub(crate) fn send_samples(stage: &mut Stage) {
     }
 }
 
-fn status(stage: &mut Stage, levels: &[ActuatorLevel], (passed, busy_ns): (Duration, &mut u64)) -> Value {
+fn status(stage: &mut Stage, levels: &[ActuatorLevel], latest: &mut Timing) -> Value {
     let pointer = stage.pointer_latency();
     let time_s = stage.now_s();
     let recording_s = stage.recorder.recording.as_ref().map(|_| time_s);
@@ -99,8 +96,12 @@ fn status(stage: &mut Stage, levels: &[ActuatorLevel], (passed, busy_ns): (Durat
     let quiet: Vec<Value> = quiet.collect();
     let xruns = clock.as_ref().and_then(Clock::xruns);
     let timing = clock.as_ref().zip(session.as_mut()).map(|(clock, session)| clock.timing(session));
-    let (meters, late) = timing.unwrap_or_default();
-    let busy_s = meters.work_ns.saturating_sub(std::mem::replace(busy_ns, meters.work_ns)) as f64 * 1e-9;
+    let timing = timing.unwrap_or_default();
+    // A new run counts from zero.
+    let before = std::mem::replace(latest, timing);
+    let before = if timing.frames < before.frames { Timing::default() } else { before };
+    let run_s = (timing.frames - before.frames) as f64 / signals.rate_hz;
+    let busy_s = timing.work_ns.saturating_sub(before.work_ns) as f64 * 1e-9;
     let faults = session.as_ref().map_or(0, |session| session.faults().ticks);
     json!({
         "type": "status",
@@ -109,15 +110,15 @@ fn status(stage: &mut Stage, levels: &[ActuatorLevel], (passed, busy_ns): (Durat
         "recording_s": recording_s,
         "replay": replay,
         "pages": pages.list.len(),
-        "behind_ms": meters.late_ns as f64 * 1e-6,
-        "late": late,
+        "behind_ms": timing.late_ns as f64 * 1e-6,
+        "late": timing.late,
         "xruns": xruns,
         "silent": quiet,
         "actuators": actuators,
         "armed_gain": gain,
         "note": note,
         "faults": faults,
-        "cost": busy_s / passed.as_secs_f64().max(1e-9),
+        "cost": if run_s > 0.0 { busy_s / run_s } else { 0.0 },
         "pointer": pointer,
     })
 }

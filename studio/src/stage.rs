@@ -10,7 +10,7 @@ mod run_cycle;
 mod swap;
 
 use super::actuators::{Actuator, Sound};
-use super::clock::{Clock, PERIOD};
+use super::clock::Clock;
 use super::devices::Devices;
 use super::envelope::Permitted;
 use super::error::{StageError, other};
@@ -122,15 +122,15 @@ impl Stage {
         let Some(clock) = self.clock.as_mut().filter(|clock| !clock.has_drivers()) else {
             return false;
         };
-        let (due, begun, mut done) = (clock.due(passed, rate_hz), Instant::now(), 0);
-        let part = (PERIOD.as_secs_f64() * rate_hz).ceil() as u64;
+        let (due, part) = (clock.due(passed, rate_hz), clock.part(rate_hz));
+        let (begun, mut done) = (Instant::now(), 0);
         while done < due && begun.elapsed() < longest {
             let frames = part.min(due - done);
             self.run(frames as usize);
             done += frames;
         }
         if let Some(clock) = &mut self.clock {
-            clock.ran(done, (passed, begun.elapsed()), rate_hz);
+            clock.ran(done, begun.elapsed(), rate_hz);
         }
         true
     }

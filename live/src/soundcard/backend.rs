@@ -88,6 +88,7 @@ impl Backend for Soundcards {
                 (false, true) => State::Waiting,
                 (false, false) => State::Running,
             },
+            hardware: driver.card.got().card.clone(),
             ..Connected::driver(&driver.name, driver.clock, place(driver))
         });
         let inputs = self.inputs.streams().map(|(endpoints, request, got, _)| Connected {
@@ -95,6 +96,7 @@ impl Backend for Soundcards {
             role: Role::Input,
             clock: None,
             place: description(got, request),
+            hardware: got.card.clone(),
             state: State::Running,
             refused: Vec::new(),
         });

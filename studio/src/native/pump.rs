@@ -21,7 +21,8 @@ pub(super) fn run(stage: &Weak<Mutex<Stage>>) {
         let mut stage = lock(&stage);
         runs_frames = stage.advance(passed, STEP);
         if since >= STEP {
-            publisher.publish(&mut stage, std::mem::take(&mut since));
+            since = Duration::ZERO;
+            publisher.publish(&mut stage);
         }
     }
 }

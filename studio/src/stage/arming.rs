@@ -44,7 +44,7 @@ impl Stage {
             _ => known.names.iter().any(|name| name == device),
         };
         let status = self.clock.as_ref()?.drivers.status();
-        status.into_iter().find(reaches).map(|known| known.place)
+        status.into_iter().find(reaches).map(|known| known.hardware)
     }
 
     /// Takes the real actuators to zero until they are armed again.

@@ -1,6 +1,6 @@
 //! Replays on the running graph.
 
-use super::super::actuators::has_real;
+use super::super::clock::Clock;
 use super::super::error::StageError;
 use super::super::record::Recording;
 use super::super::replay::ReplayStep;
@@ -19,8 +19,8 @@ impl Stage {
         self.refuse_after_stop("replay the recording")?;
         recording.check(self.signals.rate_hz).map_err(|error| other(&error))?;
         let same = recording.is_of(&self.source, &self.loaded.text);
+        let is_exact = same && !self.clock.as_ref().is_some_and(Clock::has_drivers);
         self.restart(NextRun::Replay(recording));
-        let is_exact = same && !has_real(&self.loaded.graph);
         Ok(match (same, is_exact) {
             (true, true) => "of this graph: the same samples".to_owned(),
             // See `frames`.

@@ -1,7 +1,7 @@
 //! Begin and end of the runs of a stage.
 
 use super::super::actuators::has_real;
-use super::super::clock::{Clock, PERIOD};
+use super::super::clock::Clock;
 use super::super::error::{StageError, other};
 use super::super::levels::Costs;
 use super::super::pads::Pad;
@@ -21,6 +21,10 @@ use std::time::{Duration, Instant};
 
 /// How long a page waits for the fall to zero; a limiter may make it longer.
 const STOPPING: Duration = Duration::from_secs(2);
+/// Time between messages with the samples of a fall, s: the buffers of probes hold more.
+const SENT_S: f64 = 0.2;
+/// Number of frames in which a clock of a few hertz has fallen to zero.
+const SLOWEST_FALL: u64 = 8;
 /// How long the end of the program waits for it.
 const CLOSING: Duration = Duration::from_secs(60);
 
@@ -42,7 +46,7 @@ impl Stage {
         self.cycle.is_stopping = false;
         let begun = self.begin(how);
         if begun.is_err() {
-            self.devices.release();
+            self.devices.forget();
         }
         begun
     }
@@ -84,9 +88,12 @@ impl Stage {
         let rate_of = |driver: &usize| graph.clocks()[*driver].rate.hz();
         self.signals.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
         // Where no device is real, commands, pointers and a recording have an exact frame each.
-        let has_drivers = is_live && has_real(graph);
-        let clock = Clock::start((graph, connections), player, &options, has_drivers);
-        self.clock = Some(clock.map_err(other)?);
+        let has_drivers = is_live && (has_real(graph) || !connections.status().is_empty());
+        let mut clock = Clock::start((graph, connections), player, &options, has_drivers).map_err(other)?;
+        if is_live {
+            clock.drivers.keep(graph);
+        }
+        self.clock = Some(clock);
         self.note_refusals(&[]);
         self.begin_recording_or_replay(how);
         self.session = Some(session);
@@ -150,17 +157,20 @@ impl Stage {
         let is_over = |stage: &Self| stage.clock.as_ref().is_none_or(|clock| clock.is_over(true));
         match self.clock.as_mut().filter(|_| !self.host.is_driven_by_caller) {
             Some(clock) if clock.has_drivers() => clock.wait(longest),
-            Some(_) => {
-                let begun = Instant::now();
-                let part = (PERIOD.as_secs_f64() * self.signals.rate_hz).ceil();
-                let parts = longest.as_secs_f64() * self.signals.rate_hz / part;
-                for _ in 0..parts.ceil() as u64 {
-                    if is_over(self) || begun.elapsed() >= longest {
+            Some(clock) => {
+                let (begun, part) = (Instant::now(), clock.part(self.signals.rate_hz));
+                let frames = (longest.as_secs_f64() * self.signals.rate_hz).ceil() as u64;
+                let sent_every = (SENT_S * self.signals.rate_hz / part as f64).ceil() as u64;
+                // A fall takes some frames, also of a slow clock.
+                for number in 1..=(frames / part).max(SLOWEST_FALL) {
+                    if longest.is_zero() || is_over(self) || begun.elapsed() >= longest {
                         break;
                     }
                     self.run(part as usize);
-                    self.look_at_scopes(self.now_s());
-                    send_samples(self);
+                    if number % sent_every == 0 {
+                        self.look_at_scopes(self.now_s());
+                        send_samples(self);
+                    }
                 }
             }
             None => {}
@@ -178,7 +188,7 @@ impl Stage {
         };
         self.disarm();
         let ended = clock.join().map(|player| session.finish(player));
-        self.devices.release();
+        self.devices.forget();
         // The last frames: what begins next has scopes of its own.
         self.look_at_scopes(now_s);
         send_samples(self);
