@@ -4,7 +4,9 @@ use crate::work::{Contestant, Operation, RATE_HZ, SAMPLES, Source, Work, noise};
 use haptograph_engine::document::{Builder, Document, Part};
 use haptograph_engine::frame::Scalar;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
+};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::Run;
