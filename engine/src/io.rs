@@ -145,20 +145,21 @@ pub(crate) struct Wires {
 }
 
 impl Wires {
-    /// Places of the only connected input and the only output if both are scalars; without inputs, twice the output's.
-    pub(crate) fn scalars(&self) -> Option<(u32, u32)> {
+    /// Places of the only connected inputs, the first `count`, and of the only output if all are scalars. Of one input the
+    /// place is given twice; without inputs, that of the output.
+    pub(crate) fn scalars(&self, count: usize) -> Option<([u32; 2], u32)> {
         let [output] = *self.outputs else { return None };
         let to = self.out.start + output.start;
-        let (from, is_scalar) = match &*self.inputs {
-            // A source ignores its input.
-            [] => (to, true),
-            [input, others @ ..] if others.iter().all(|other| other.form == Form::Absent) => {
-                let is_scalar = input.form == Form::Sampled && input.width == 1;
-                (input.place(self.out), is_scalar)
-            }
-            _ => return None,
-        };
-        (is_scalar && output.width == 1).then_some((from, to))
+        // A source ignores its input.
+        if self.inputs.is_empty() && count == 1 {
+            return (output.width == 1).then_some(([to; 2], to));
+        }
+        let (own, others) = self.inputs.split_at_checked(count)?;
+        let is_scalar = |input: &ResolvedInput| input.form == Form::Sampled && input.width == 1;
+        let are_scalars = own.iter().all(is_scalar) && output.width == 1;
+        let is_absent = |input: &ResolvedInput| input.form == Form::Absent;
+        let from = [own.first()?, own.last()?].map(|input| input.place(self.out));
+        (are_scalars && others.iter().all(is_absent)).then_some((from, to))
     }
 }
 

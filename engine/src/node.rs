@@ -28,6 +28,7 @@ pub use declare::{first, lower, port_name};
 pub use entry::NodeEntry;
 pub(crate) use entry::{Advised, Build, Finish, Measured, Read, build};
 pub use fallback::{Fallback, next_change};
+pub use haptograph_signal::laws::Law;
 pub use port::{
     Count, Family, Held, Input, Many, Mode, Named, One, OneSignal, Optional, Output, OutputFamily, Outputs,
     Sampled, Several,
@@ -35,7 +36,7 @@ pub use port::{
 pub(crate) use processor::AnyProcessor;
 #[cfg(test)]
 pub(crate) use processor::Of;
-pub use processor::{AfterData, Built, DataEnd, Latency, Law, Processor, Tick};
+pub use processor::{AfterData, Built, DataEnd, Latency, Processor, Tick};
 pub use spec::{
     Flow, InputSpec, KindRule, NodeSpec, OutputCount, OutputRole, OutputSpec, Port, Presence, QuantityRule,
 };

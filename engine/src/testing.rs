@@ -43,7 +43,8 @@ use crate::node::{
     AnyProcessor, BuildContext, BuildError, DataEnd, Flow, InputSpec, KindRule, Latency, NodeKind, NodeSpec,
     Output, SettingId, Tick, build,
 };
-use crate::plan::MAX_BLOCK;
+use crate::plan::{MAX_BLOCK, without_ports};
+use haptograph_signal::laws::LawStep;
 use haptograph_signal::time::Rate;
 
 /// Largest number of frames that a node on the bench receives at a time.
@@ -199,14 +200,15 @@ impl Bench {
     /// Returns true if it ran without ports.
     pub fn step_single(&mut self) -> bool {
         assert_eq!(self.tick.frames, 1, "a single frame");
-        let Some((from, to)) = self.wires.scalars() else {
+        let Some(LawStep { law, from, with, to, .. }) = without_ports(&self.wires, self.processor.law())
+        else {
             self.step();
             return false;
         };
         let memory = self.memory.all_mut();
-        let x = memory[from as usize];
-        memory[to as usize] = match self.processor.law() {
-            Some(law) => law.of(x),
+        let [x, z] = [from, with].map(|place| memory[place as usize]);
+        memory[to as usize] = match law {
+            Some(law) => law.of(x, z),
             None => self.processor.frame(&self.tick, x),
         };
         true

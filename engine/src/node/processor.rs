@@ -5,6 +5,7 @@ use crate::frame::FrameKind;
 use crate::io::{Io, Ports, Wires};
 use crate::settings::{Flag, LiveId, SettingId, Settings, count};
 use haptograph_signal::elementwise;
+use haptograph_signal::laws::Law;
 use std::any::Any;
 use std::marker::PhantomData;
 
@@ -101,6 +102,13 @@ pub trait Processor<K: Declared>: Clone + Send + Sync + 'static {
         let _ = (setting, item, value);
     }
 
+    /// The law by which it computes its only output from its inputs, if all are scalars, with its present numbers: the engine
+    /// then computes whole chains of such nodes in registers and calls [`process`](Self::process) only where it has to. Both
+    /// have to give the same bits. Whether there is a law, and which, must not change during the node's life.
+    fn law(&self) -> Option<Law> {
+        None
+    }
+
     /// Copies the state into the processor that replaces this one in a new plan, if that has the same type. Both may run
     /// during a cross-fade.
     ///
@@ -143,8 +151,8 @@ impl<K: Declared> Built<K> {
 }
 
 impl<K: NodeKind> Built<K> {
-    /// A processor that computes the output from the input by a law. The kind's live setting, if it has one, is the law's
-    /// number; with more of them it does not compile.
+    /// A processor that computes the output from the input by [`Law::Scale`] or [`Law::Offset`], component by component. The
+    /// kind's live setting, if it has one, is the law's number; with more of them it does not compile.
     pub fn law<F: FrameKind>(law: Law, input: Input<K, F>, output: Output<K, F>) -> Self {
         const {
             assert!(
@@ -156,42 +164,6 @@ impl<K: NodeKind> Built<K> {
     }
 }
 
-/// A law from input to output, component by component, for [`Built::law`]. The engine computes it inline where it has a
-/// single frame: a call costs more than a product.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Law {
-    /// This factor times the input.
-    Scale(f64),
-    /// The input plus this offset.
-    Offset(f64),
-}
-
-impl Law {
-    /// The output for a block of the input.
-    #[inline]
-    fn apply(self, x: &[f64], y: &mut [f64]) {
-        match self {
-            Self::Scale(factor) => elementwise::scale(factor, x, y),
-            Self::Offset(offset) => elementwise::offset(offset, x, y),
-        }
-    }
-
-    /// The output for one number of the input.
-    #[inline]
-    pub(crate) fn of(self, x: f64) -> f64 {
-        let mut y = [0.0];
-        self.apply(&[x], &mut y);
-        y[0]
-    }
-
-    fn with_number(self, number: f64) -> Self {
-        match self {
-            Self::Scale(_) => Self::Scale(number),
-            Self::Offset(_) => Self::Offset(number),
-        }
-    }
-}
-
 /// What the engine runs: a processor of any type for any kind.
 pub(crate) trait AnyProcessor: Any + Send + Sync {
     /// Computes the frames of a tick, behind `offset` frames in the buffers.
@@ -200,10 +172,8 @@ pub(crate) trait AnyProcessor: Any + Send + Sync {
     /// The only output, a scalar, for one frame of the only connected input, a scalar; without inputs, for any `x`.
     fn frame(&mut self, tick: &Tick, x: f64) -> f64;
 
-    /// The law that it computes, with its present number. Whether there is one does not change.
-    fn law(&self) -> Option<Law> {
-        None
-    }
+    /// As [`Processor::law`].
+    fn law(&self) -> Option<Law>;
 
     fn set(&mut self, setting: SettingId, value: f64);
 
@@ -238,6 +208,10 @@ impl<K: Declared, P: Processor<K>> AnyProcessor for Of<K, P> {
         let ports = Ports::one_frame(&x, &mut y);
         self.processor.process(tick, &mut Io::new(ports));
         y[0]
+    }
+
+    fn law(&self) -> Option<Law> {
+        self.processor.law()
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {
@@ -278,11 +252,15 @@ impl AnyProcessor for Lawful {
     fn process(&mut self, tick: &Tick, offset: usize, wires: &Wires, memory: &mut [f64]) {
         let mut ports = Ports::new(tick.frames, offset, wires, memory);
         let x = ports.components(self.input);
-        self.law.apply(x, ports.out(self.output));
+        match self.law {
+            Law::Scale(factor) => elementwise::scale(factor, x, ports.out(self.output)),
+            Law::Offset(offset) => elementwise::offset(offset, x, ports.out(self.output)),
+            law => ports.out(self.output).iter_mut().zip(x).for_each(|(y, x)| *y = law.of(*x, *x)),
+        }
     }
 
     fn frame(&mut self, _: &Tick, x: f64) -> f64 {
-        self.law.of(x)
+        self.law.of(x, x)
     }
 
     fn law(&self) -> Option<Law> {
@@ -290,7 +268,11 @@ impl AnyProcessor for Lawful {
     }
 
     fn set(&mut self, _: SettingId, value: f64) {
-        self.law = self.law.with_number(value);
+        self.law = match self.law {
+            Law::Scale(_) => Law::Scale(value),
+            Law::Offset(_) => Law::Offset(value),
+            law => law,
+        };
     }
 
     fn copy_state_into(&self, _: &mut dyn AnyProcessor) {}

@@ -25,6 +25,8 @@ struct Builder<'a> {
     plan: Plan,
     steps: Vec<StepDraft>,
     demands: Vec<Demand>,
+    /// The step that reads each demand; [`MANY`] if several do.
+    readers: Vec<Option<usize>>,
     /// Ports of the sources and sinks of each device, with their channels.
     device_ports: Vec<DevicePorts>,
     /// Ports of each node.
@@ -48,6 +50,8 @@ struct DevicePorts {
 
 /// Port of an input that is not connected.
 const ABSENT: Port = Port { demand: usize::MAX, placing: Placing { start: 0, width: 0 }, clock: 0 };
+/// Reader of a demand that several steps read, or a tap.
+const MANY: usize = usize::MAX;
 /// Group number of nodes outside islands; bridges are shared only within a group.
 const OUTSIDE: usize = usize::MAX;
 
@@ -78,7 +82,8 @@ fn unfilled(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan {
         slots: Vec::new(),
         pacings: Vec::new(),
         processors: Vec::new(),
-        singles: Vec::new(),
+        laws: Vec::new(),
+        chains: Vec::new(),
         processor_keys: Vec::new(),
         devices: graph.devices.iter().map(DevicePlan::of).collect(),
         actuators: Vec::new(),
@@ -128,6 +133,7 @@ impl<'a> Builder<'a> {
             steps: Vec::new(),
             device_ports: vec![DevicePorts::default(); graph.devices.len()],
             demands: Vec::new(),
+            readers: Vec::new(),
             ports: vec![Vec::new(); graph.nodes.node_count()],
             crossings: HashMap::new(),
             loops: HashMap::new(),
@@ -420,6 +426,8 @@ impl<'a> Builder<'a> {
     fn bind(&mut self, step: usize, port: Port, form: Form) {
         if form != Form::Absent {
             self.demands[port.demand].to = self.demands[port.demand].to.max(step);
+            let reader = &mut self.readers[port.demand];
+            *reader = Some(if reader.is_none_or(|known| known == step) { step } else { MANY });
         }
         self.steps[step].inputs.push((port, form));
     }
@@ -453,6 +461,7 @@ impl<'a> Builder<'a> {
             start += len_of(*width);
         }
         self.demands.push(Demand { len: start, from: step, to: step });
+        self.readers.push(None);
         let step = &mut self.steps[step];
         if step.out.is_none() {
             step.out = Some(demand);
@@ -484,10 +493,15 @@ impl<'a> Builder<'a> {
         }
         for (port, _) in &tapped {
             self.demands[port.demand].to = last;
+            self.readers[port.demand] = Some(MANY);
         }
         let places = Places::of(&self.demands);
         let plan = &mut self.plan;
-        plan.steps = self.steps.into_iter().map(|draft| places.step(draft)).collect();
+        let is_inner = |number: usize, out: Option<usize>| {
+            out.is_some_and(|demand| self.readers[demand] == Some(number + 1))
+        };
+        let steps = self.steps.into_iter().enumerate();
+        plan.steps = steps.map(|(number, draft)| places.step(is_inner(number, draft.out), draft)).collect();
         let of_device = |(port, channel): &(Port, usize)| (places.port(port), *channel);
         for (device, ports) in plan.devices.iter_mut().zip(&self.device_ports) {
             device.reads = ports.reads.iter().map(of_device).collect();

@@ -22,13 +22,16 @@ pub(crate) use crate::graph::fingerprint::{
 use crate::io::{Extent, Placing, Wires};
 use crate::limiter::ClipCounts;
 pub use crate::node::MAX_BLOCK;
-use crate::node::{AnyProcessor, Law, Limit, Stream};
+use crate::node::{AnyProcessor, Limit, Stream};
 use crate::node_id::NodeId;
 use crate::settings::LiveSetting;
 use crate::silence::LiveInput;
+use haptograph_signal::laws::LawStep;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::EdgeIndex;
 pub use planner::Planner;
+pub(crate) use resolve::without_ports;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -120,7 +123,9 @@ pub struct Plan {
     pub(crate) pacings: Vec<u64>,
     pub(crate) processors: Vec<Box<dyn AnyProcessor>>,
     /// One for each processor, valid if its step has `singles`. A run updates the laws of its own copy when settings change.
-    pub(crate) singles: Vec<SingleStep>,
+    pub(crate) laws: Vec<LawStep>,
+    /// The chains of factors and offsets among them, by their first processors.
+    pub(crate) chains: Vec<Range<usize>>,
     /// Key of each processor, to match it with another plan.
     pub(crate) processor_keys: Vec<NodeKey>,
     pub(crate) devices: Vec<DevicePlan>,
@@ -154,22 +159,17 @@ pub(crate) struct Step {
     pub clock: u32,
     /// Number of successive processors of this clock from here on; they share one lookup of the window.
     pub streak: u32,
-    /// Number of them, from this one on, that compute a scalar from a scalar.
+    /// Number of them, from this one on, that compute single frames of a scalar without ports.
     pub singles: u32,
+    /// Number of them, from this one on, that compute blocks by their laws.
+    pub lawful: u32,
+    /// True if only the next step reads its output.
+    pub is_inner: bool,
     pub wires: Wires,
     /// The node it belongs to.
     pub node: NodeId,
     /// Label for display: `speed`, `hold stylus.force`. A processor's is the path of its node.
     pub label: Arc<str>,
-}
-
-/// How a processor computes a single frame of a scalar from one of a scalar, and the places of both.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct SingleStep {
-    /// Its law; any other processor is called.
-    pub law: Option<Law>,
-    pub from: u32,
-    pub to: u32,
 }
 
 impl Step {

@@ -1,10 +1,13 @@
 //! The last pass of planning: drafts of steps become steps whose inputs and outputs have places in memory.
 
 use super::slots::Demand;
-use super::{Plan, SingleStep, Step, StepWork, slots};
+use super::{Plan, Step, StepWork, slots};
 use crate::graph::NodeId;
 use crate::io::{Extent, Form, Placing, ResolvedInput, Wires};
+use crate::node::Law;
+use haptograph_signal::laws::LawStep;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A port before buffers are placed: its demand, and its place in it.
@@ -57,7 +60,7 @@ impl Places {
         Placing { start: self.slot(port.demand).start + start, width }
     }
 
-    pub(super) fn step(&self, draft: StepDraft) -> Step {
+    pub(super) fn step(&self, is_inner: bool, draft: StepDraft) -> Step {
         let out = draft.out.map(|demand| self.slot(demand)).unwrap_or_default();
         let inputs = draft.inputs.iter();
         Step {
@@ -65,6 +68,8 @@ impl Places {
             clock: draft.clock,
             streak: 1,
             singles: 0,
+            lawful: 0,
+            is_inner,
             wires: Wires {
                 out,
                 inputs: inputs.map(|(port, form)| ResolvedInput::new(self.port(port), *form, out)).collect(),
@@ -76,24 +81,20 @@ impl Places {
     }
 }
 
-/// Joins steps: the processors from a scalar to a scalar, streaks of processors, and the works of each live
-/// setting.
+/// Joins steps: the processors of scalars that need no ports, streaks of processors, and the works of each live setting.
 pub(super) fn join(plan: &mut Plan) {
     let mut works: HashMap<NodeId, Vec<StepWork>> = HashMap::new();
     for step in &mut plan.steps {
         works.entry(step.node).or_default().push(step.work);
-        let mut found = None;
         if let StepWork::Process(index) = step.work {
-            found = step.wires.scalars().map(|(from, to)| SingleStep {
-                law: plan.processors[index as usize].law(),
-                from,
-                to,
-            });
-            plan.singles.push(found.unwrap_or(SingleStep::NONE));
+            let found = without_ports(&step.wires, plan.processors[index as usize].law());
+            step.singles = u32::from(found.is_some());
+            step.lawful = u32::from(found.is_some_and(|found| found.law.is_some()));
+            plan.laws.push(LawStep { is_inner: step.is_inner, ..found.unwrap_or(NONE) });
         }
-        step.singles = u32::from(found.is_some());
     }
     join_streaks(&mut plan.steps);
+    plan.chains = chains(&plan.laws);
     let of = |node| works.get(node).map_or_else(Box::default, |works| works.as_slice().into());
     plan.live_works = plan.live.iter().map(|live| of(&live.node)).collect();
 }
@@ -106,15 +107,37 @@ fn join_streaks(steps: &mut [Step]) {
             && b == a + 1
             && earlier.clock == later.clock
         {
-            let (streak, singles) = (later.streak, later.singles);
+            let Step { streak, singles, lawful, .. } = *later;
             let earlier = &mut steps[number - 1];
             earlier.streak += streak;
             earlier.singles *= 1 + singles;
+            earlier.lawful *= 1 + lawful;
         }
     }
 }
 
-impl SingleStep {
-    /// Placeholder for a processor of other ports.
-    const NONE: Self = Self { law: None, from: 0, to: 0 };
+/// How a processor computes a scalar from scalars without ports: by its law, or called with a frame of its only input.
+pub(crate) fn without_ports(wires: &Wires, law: Option<Law>) -> Option<LawStep> {
+    let by_law = law.and_then(|law| Some((Some(law), wires.scalars(law.inputs())?)));
+    let (law, ([from, with], to)) = by_law.or_else(|| Some((None, wires.scalars(1)?)))?;
+    Some(LawStep { law, from, with, to, ..NONE })
 }
+
+/// The processors that pass a frame on by factors and offsets, two or more in a row.
+fn chains(laws: &[LawStep]) -> Vec<Range<usize>> {
+    let passes_on = |pair: &[LawStep]| {
+        let [one, next] = pair else { return false };
+        one.is_inner && one.is_affine() && next.is_affine() && next.from == one.to
+    };
+    let mut chains: Vec<Range<usize>> = Vec::new();
+    for (number, _) in laws.windows(2).enumerate().filter(|(_, pair)| passes_on(pair)) {
+        match chains.last_mut().filter(|chain| chain.end == number + 1) {
+            Some(chain) => chain.end += 1,
+            None => chains.push(number..number + 2),
+        }
+    }
+    chains
+}
+
+/// Placeholder for a processor of other ports.
+const NONE: LawStep = LawStep { law: None, from: 0, with: 0, to: 0, is_inner: false };

@@ -5,6 +5,7 @@ use crate::node_id::NodeId;
 use crate::plan::{Plan, StepTime};
 use haptograph_signal::statistics::median;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::LazyLock;
 use std::time::Instant;
 
@@ -13,8 +14,8 @@ pub(super) trait StepObserver {
     /// True if every step runs by itself and is reported.
     const STEPWISE: bool;
 
-    /// Called after step `number` has run `ticks` of its clock.
-    fn step_done(&mut self, number: usize, ticks: usize);
+    /// Called after steps have run `ticks` of their clock: one, or some that run together, in equal parts.
+    fn steps_done(&mut self, numbers: Range<usize>, ticks: usize);
 }
 
 /// Observes nothing.
@@ -23,7 +24,7 @@ pub(super) struct NoObserver;
 impl StepObserver for NoObserver {
     const STEPWISE: bool = false;
 
-    fn step_done(&mut self, _: usize, _: usize) {}
+    fn steps_done(&mut self, _: Range<usize>, _: usize) {}
 }
 
 /// One block in this many is timed, on average.
@@ -64,11 +65,11 @@ struct Stopwatch<'p> {
 impl StepObserver for Stopwatch<'_> {
     const STEPWISE: bool = true;
 
-    fn step_done(&mut self, number: usize, ticks: usize) {
+    fn steps_done(&mut self, numbers: Range<usize>, ticks: usize) {
         let now = Instant::now();
-        if let Some(time) = self.times.get(number).filter(|_| ticks > 0) {
-            time.add(now.duration_since(self.latest).as_nanos() as u64);
-        }
+        let ns = now.duration_since(self.latest).as_nanos() as u64 / numbers.len() as u64;
+        let times = self.times.get(numbers).unwrap_or_default();
+        times.iter().filter(|_| ticks > 0).for_each(|time| time.add(ns));
         self.latest = now;
     }
 }

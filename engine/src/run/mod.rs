@@ -12,6 +12,7 @@ mod device;
 mod fade;
 mod fault;
 mod file_sinks;
+mod laws;
 mod meter;
 mod offline;
 mod player;
@@ -56,12 +57,13 @@ use crate::device::Device;
 use crate::io::Memory;
 use crate::node::{AnyProcessor, SettingId};
 use crate::node_id::NodeId;
-use crate::plan::{BridgeWork, Plan, SingleStep, StepWork};
+use crate::plan::{BridgeWork, Plan, StepWork};
 use actuator::ActuatorState;
 use cost::{NoObserver, StepObserver};
 use delay::DelayState;
 use device::DeviceState;
 use fade::FadeGate;
+use laws::Laws;
 use std::ops::Range;
 use std::sync::Arc;
 #[cfg(not(target_family = "wasm"))]
@@ -82,8 +84,8 @@ struct State {
     windows: Windows,
     memory: Memory,
     processors: Vec<Box<dyn AnyProcessor>>,
-    /// How each processor computes a single frame with its present settings.
-    singles: Vec<SingleStep>,
+    /// How each processor computes scalars without ports, with its present settings.
+    laws: Laws,
     devices: Vec<DeviceState>,
     actuators: Vec<ActuatorState>,
     /// `None` for a delay.
@@ -140,7 +142,7 @@ impl Run {
             windows: Windows::new(&plan),
             memory: Memory::new(plan.memory_len()),
             processors: plan.processors.iter().map(|processor| processor.boxed_clone()).collect(),
-            singles: plan.singles.clone(),
+            laws: Laws::new(&plan),
             devices: plan.devices.iter().map(DeviceState::new).collect(),
             actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
             bridges,

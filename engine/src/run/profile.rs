@@ -5,6 +5,7 @@ use super::virtual_clock::VirtualClock;
 use crate::node_id::NodeId;
 use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -74,10 +75,12 @@ struct Samples {
 impl StepObserver for Stopwatch {
     const STEPWISE: bool = true;
 
-    fn step_done(&mut self, number: usize, ticks: usize) {
+    fn steps_done(&mut self, numbers: Range<usize>, ticks: usize) {
         let now = Instant::now();
-        if let Some((ns, all)) = self.steps.get_mut(number) {
-            *ns += now.duration_since(self.latest).as_nanos() as f64 - self.clock_ns;
+        let took_ns = now.duration_since(self.latest).as_nanos() as f64 - self.clock_ns;
+        let each_ns = took_ns / numbers.len() as f64;
+        for (ns, all) in self.steps.get_mut(numbers).unwrap_or_default() {
+            *ns += each_ns;
             *all += ticks;
         }
         self.latest = now;

@@ -9,12 +9,13 @@ use crate::bridges::Ends;
 use crate::io::{Form, ResolvedInput};
 use crate::node::{SettingId, Tick};
 use crate::plan::{BridgeWork, Plan, Step, StepWork};
+use haptograph_signal::laws::{self, Affine};
 use std::ops::Range;
 
 impl State {
     /// Updates the law of a processor after a change of its settings or state.
     pub(super) fn update_law(&mut self, processor: usize) {
-        self.singles[processor].law = self.processors[processor].law();
+        self.laws.update(processor, self.processors[processor].law());
     }
 
     /// Sets a live setting of the processor or actuator of this work.
@@ -41,10 +42,16 @@ impl State {
                     let most = if W::STEPWISE { 1 } else { range.end - number };
                     let window = self.windows.of(step.clock);
                     let period_s = plan.periods_s[step.clock as usize];
-                    if window.count == 1 && step.singles > 0 && !self.faults.counts.tracing {
+                    let tracing = self.faults.counts.tracing;
+                    if window.count == 1 && step.singles > 0 && !tracing {
                         let singles = (step.singles as usize).min(most);
                         self.without_ports(first..first + singles, window, period_s);
                         singles
+                    } else if window.count > 1 && step.lawful > 0 && !tracing {
+                        let lawful = (step.lawful as usize).min(range.end - number);
+                        let memory = &mut self.memory.all_mut()[window.offset..];
+                        laws::apply(&self.laws.steps[first..first + lawful], memory, window.count);
+                        lawful
                     } else {
                         let streak = (step.streak as usize).min(most);
                         self.with_ports(&plan.steps[number..number + streak], first, period_s)
@@ -62,7 +69,9 @@ impl State {
                 }
             };
             if W::STEPWISE {
-                observer.step_done(number, self.windows.of(step.clock).count);
+                // An island's steps have reported themselves.
+                let own = if let StepWork::Island { .. } = step.work { 1 } else { count };
+                observer.steps_done(number..number + own, self.windows.of(step.clock).count);
             }
             number += count;
         }
@@ -93,20 +102,31 @@ impl State {
     fn without_ports(&mut self, range: Range<usize>, window: Window, period_s: f64) {
         let tick = tick(window, period_s);
         let memory = &mut self.memory.all_mut()[window.offset..];
-        let processors = &mut self.processors[range.clone()];
         let (mut latest, mut latest_at) = (0.0, u32::MAX);
-        for (step, processor) in self.singles[range].iter().zip(processors) {
+        let mut number = range.start;
+        while number < range.end {
             // In a chain the frame stays in a register: a load would wait for the preceding store.
-            let x = match step.from == latest_at {
-                true => latest,
-                false => memory[step.from as usize],
+            let read = |place: u32| if place == latest_at { latest } else { memory[place as usize] };
+            let mut step = &self.laws.steps[number];
+            let x = read(step.from);
+            latest = match (step.law, self.laws.chain(number, range.end)) {
+                (_, Some((chain, last))) => {
+                    number = last;
+                    step = &self.laws.steps[last];
+                    Affine::of_chain(chain, x)
+                }
+                (Some(law), None) => law.of_read(x, || read(step.with)),
+                (None, None) => self.processors[number].frame(&tick, x),
             };
-            latest = match step.law {
-                Some(law) => law.of(x),
-                None => processor.frame(&tick, x),
-            };
+            number += 1;
             latest_at = step.to;
-            memory[step.to as usize] = latest;
+            if !step.is_inner {
+                memory[step.to as usize] = latest;
+            }
+        }
+        // Its reader is in no list of single frames, or runs by itself.
+        if latest_at != u32::MAX {
+            memory[latest_at as usize] = latest;
         }
     }
 
@@ -122,7 +142,8 @@ impl State {
         let single = window.count == 1 && !tracing;
         let memory = self.memory.all_mut();
         for (done, (step, processor)) in steps.iter().zip(&mut self.processors[first..]).enumerate() {
-            if single && step.singles > 0 {
+            // Never the first one.
+            if !tracing && (if single { step.singles } else { step.lawful }) > 0 {
                 return done;
             }
             processor.process(&tick, window.offset, &step.wires, memory);

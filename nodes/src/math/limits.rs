@@ -2,7 +2,9 @@
 //! check at the sinks finds their origin.
 
 use haptograph_engine::frame::Linear;
-use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Built, Io, Law, LiveId, NodeKind, Port, Processor, Tick,
+};
 
 haptograph_engine::settings! {
     /// Clamps a signal to two bounds.
@@ -40,6 +42,10 @@ impl Processor<Clamp> for ClampSettings {
             let above = if *x < self.lowest { self.lowest } else { *x };
             *y = if above > self.highest { self.highest } else { above };
         }
+    }
+
+    fn law(&self) -> Option<Law> {
+        Some(Law::Clamp(self.lowest, self.highest))
     }
 
     fn set(&mut self, setting: LiveId<ClampSettings>, value: f64) {

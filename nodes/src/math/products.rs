@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::{Linear, Scalar};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, QuantityRule, Tick,
+    BuildContext, BuildError, Built, Io, Law, NodeKind, Port, Processor, QuantityRule, Tick,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -39,6 +39,10 @@ impl Processor<Multiply> for Multiply {
             }
         }
     }
+
+    fn law(&self) -> Option<Law> {
+        Some(Law::Product)
+    }
 }
 
 haptograph_engine::node! {
@@ -68,6 +72,10 @@ impl Processor<Divide> for Divide {
                 *y = if *by == 0.0 { 0.0 } else { x / by };
             }
         }
+    }
+
+    fn law(&self) -> Option<Law> {
+        Some(Law::Quotient)
     }
 }
 

@@ -100,6 +100,10 @@ impl Processor<Abs> for Abs {
             *y = x.abs();
         }
     }
+
+    fn law(&self) -> Option<Law> {
+        Some(Law::Absolute)
+    }
 }
 
 #[cfg(test)]

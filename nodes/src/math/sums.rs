@@ -2,7 +2,7 @@
 
 use haptograph_engine::frame::Linear;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Built, Io, LiveId, Many, NodeKind, Port, Processor, Tick,
+    BuildContext, BuildError, Built, Io, Law, LiveId, Many, NodeKind, Port, Processor, Tick,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
@@ -38,6 +38,11 @@ impl Processor<Add> for Add {
             }
         }
     }
+
+    /// Of two terms.
+    fn law(&self) -> Option<Law> {
+        Some(Law::Sum)
+    }
 }
 
 haptograph_engine::node! {
@@ -61,6 +66,10 @@ impl Processor<Subtract> for Subtract {
         for ((y, a), b) in io.write(Subtract::OUTPUT).iter_mut().zip(a).zip(b) {
             *y = a - b;
         }
+    }
+
+    fn law(&self) -> Option<Law> {
+        Some(Law::Difference)
     }
 }
 
@@ -121,6 +130,13 @@ impl Processor<Mixer> for Mixing {
             for (y, x) in mix.iter_mut().zip(x) {
                 *y += gain * x;
             }
+        }
+    }
+
+    fn law(&self) -> Option<Law> {
+        match *self.gains {
+            [a, b] => Some(Law::Mix(a * self.master, b * self.master)),
+            _ => None,
         }
     }
 
