@@ -225,9 +225,8 @@ impl Script {
         let t = time_s.rem_euclid(self.period_s);
         let index = self.segments.partition_point(|s| s.start_s <= t).saturating_sub(1);
         let segment = &self.segments[index];
-        let local_s = t - segment.start_s;
-        let ground = self.ground.at(segment.motion.sheet(local_s));
-        let (height_m, force_n) = segment.motion.height(local_s, segment.duration_s, self);
+        let (sheet, height_m, force_n) = segment.motion.at(t - segment.start_s, segment.duration_s, self);
+        let ground = self.ground.at(sheet);
         let above_m = add_scaled(ground.position_m, ground.lift, height_m);
         Intent {
             position_m: add_scaled(above_m, ground.normal, -force_n / self.gives_n_per_m),
@@ -250,25 +249,27 @@ impl Motion {
         }
     }
 
-    /// Height of the intended tip over the surface, m, and the force it presses with, N.
-    fn height(&self, t: f64, duration_s: f64, script: &Script) -> (f64, f64) {
+    /// Coordinates on the surface's sheet, height of the intended tip over the surface, m, and the force it presses with, N.
+    fn at(&self, t: f64, duration_s: f64, script: &Script) -> ([f64; 2], f64, f64) {
         let hover_m = script.hover_m;
         match self {
-            Self::Travel { .. } => (hover_m, 0.0),
+            Self::Travel { .. } => (self.sheet(t), hover_m, 0.0),
             Self::Draw(stroke) => {
                 let down = minimum_jerk(t / APPROACH_S) * minimum_jerk((duration_s - t) / APPROACH_S);
                 let point = stroke.at(t);
-                (hover_m * (1.0 - down).max(point.lifted), down * point.force_n)
+                (point.position_m, hover_m * (1.0 - down).max(point.lifted), down * point.force_n)
             }
             Self::Press { force_n } => {
                 let down = minimum_jerk(2.0 * t / duration_s) * minimum_jerk(2.0 * (1.0 - t / duration_s));
-                (hover_m * (1.0 - down), down * force_n)
+                (self.sheet(t), hover_m * (1.0 - down), down * force_n)
             }
             Self::Taps { speeds_m_s, interval_s, force_n } => {
                 let tap = (t / interval_s) as usize;
                 let speed_m_s = speeds_m_s[tap.min(speeds_m_s.len() - 1)];
                 let depth_m = force_n / script.stiffness_n_per_m;
-                (tap_height(t - tap as f64 * interval_s, speed_m_s, *interval_s, hover_m, depth_m), 0.0)
+                let height_m =
+                    tap_height(t - tap as f64 * interval_s, speed_m_s, *interval_s, hover_m, depth_m);
+                (self.sheet(t), height_m, 0.0)
             }
         }
     }

@@ -11,6 +11,8 @@ const TONES: usize = 5;
 pub(crate) struct Wobble {
     /// (angular frequency in rad/s, phase in rad)
     tones: [(f64, f64); TONES],
+    /// Cosines of the phases.
+    cosines: [f64; TONES],
 }
 
 impl Wobble {
@@ -21,7 +23,7 @@ impl Wobble {
             let frequency_hz = low_hz + band * (i as f64 + rng.random::<f64>());
             (TAU * frequency_hz, TAU * rng.random::<f64>())
         });
-        Self { tones }
+        Self { tones, cosines: tones.map(|(_, phase)| phase.cos()) }
     }
 
     /// The value at a time in s.
@@ -32,8 +34,8 @@ impl Wobble {
 
     /// The integral from time 0 to a time in s.
     pub(crate) fn integral(&self, time_s: f64) -> f64 {
-        let value: f64 =
-            self.tones.iter().map(|(w, phase)| (phase.cos() - (w * time_s + phase).cos()) / w).sum();
+        let tones = self.tones.iter().zip(self.cosines);
+        let value: f64 = tones.map(|((w, phase), cosine)| (cosine - (w * time_s + phase).cos()) / w).sum();
         value * amplitude()
     }
 }
