@@ -278,7 +278,24 @@ pub(super) fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
     Some((above / (above - below)).clamp(0.0, 1.0))
 }
 
+/// Share of the terms of [`side`] that its rounding may reach, at most; Shewchuk's bound is 7 of these units.
+const SIDE_SLACK: f64 = 8.0 * 0.5 * f64::EPSILON;
+
+/// The orientation of a point seen from a triangle, with an exact sign. Nearly all are clear by the plain determinant, which is the
+/// predicate's first stage, to the bit; only what is not pays for the predicate.
+#[inline(always)]
 fn side(p: Vec3, q: Vec3, r: Vec3, s: Vec3) -> f64 {
+    let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) = (sub(p, s), sub(q, s), sub(r, s));
+    let (bc, cb, ca, ac, ab, ba) = (bx * cy, cx * by, cx * ay, ax * cy, ax * by, bx * ay);
+    let det = az * (bc - cb) + bz * (ca - ac) + cz * (ab - ba);
+    let terms = (bc.abs() + cb.abs()) * az.abs()
+        + (ca.abs() + ac.abs()) * bz.abs()
+        + (ab.abs() + ba.abs()) * cz.abs();
+    if det.abs() > SIDE_SLACK * terms { det } else { exact_side(p, q, r, s) }
+}
+
+#[cold]
+fn exact_side(p: Vec3, q: Vec3, r: Vec3, s: Vec3) -> f64 {
     let coord = |[x, y, z]: Vec3| Coord3D { x, y, z };
     orient3d(coord(p), coord(q), coord(r), coord(s))
 }
