@@ -46,22 +46,27 @@ pub(crate) struct Spot {
 impl Terrain {
     /// A piece of a surface; the seed is the piece.
     pub(crate) fn new(relief: &Relief, seed: u64) -> Self {
-        let mut grid = vec![0.0; SIDE * SIDE];
-        Gaussian::new(seed).fill(&mut grid);
-        let mut field: Vec<Complex64> = grid.iter().map(|&x| Complex64::from(x)).collect();
+        let mut field = white(seed);
         transform(&mut field, false);
-        let densities: Vec<f64> = (0..SIDE * SIDE).map(|i| density(relief, frequency(i))).collect();
-        let coarse: f64 = densities.iter().sum();
+        let densities = quarter(|row, column| density(relief, frequency(row, column)));
+        let coarse: f64 = rows(&densities).flatten().sum();
         let count = (SIDE * SIDE) as f64;
         let (shaped, grain) = (1.0 - relief.grain.powi(2), relief.grain.powi(2));
-        for (value, density) in field.iter_mut().zip(&densities) {
-            *value *= (shaped * density / coarse + grain / count).sqrt();
+        let shares: Vec<[f64; HALF + 1]> = densities
+            .iter()
+            .map(|row| row.map(|density| (shaped * density / coarse + grain / count).sqrt()))
+            .collect();
+        for (value, share) in field.iter_mut().zip(rows(&shares).flatten()) {
+            *value *= share;
         }
         field[0] = Complex64::ZERO;
         let mean_square = field.iter().map(|v| v.norm_sqr()).sum::<f64>() / count;
         let scale = relief.rms_m / mean_square.sqrt() / count.sqrt();
-        for (index, value) in field.iter_mut().enumerate() {
-            *value *= scale / (response(index % SIDE) * response(index / SIDE));
+        let responses: [f64; SIDE] = std::array::from_fn(response);
+        for (line, across) in field.chunks_exact_mut(SIDE).zip(responses) {
+            for (value, along) in line.iter_mut().zip(responses) {
+                *value *= scale / (along * across);
+            }
         }
         transform(&mut field, true);
         let coefficients: Arc<[f32]> = field.iter().map(|v| v.re as f32).collect();
@@ -96,6 +101,39 @@ impl Terrain {
     }
 }
 
+/// A tile of white noise.
+fn white(seed: u64) -> Vec<Complex64> {
+    let (mut noise, mut line) = (Gaussian::new(seed), [0.0; SIDE]);
+    let mut field = Vec::with_capacity(SIDE * SIDE);
+    for _ in 0..SIDE {
+        noise.fill(&mut line);
+        field.extend(line.map(Complex64::from));
+    }
+    field
+}
+
+/// Highest spatial frequency of the tile along an axis, in cycles a tile.
+const HALF: usize = SIDE / 2;
+
+/// The values of a function of the spatial frequencies along and across the rows, in cycles a tile, that is the same with either sign
+/// and the other way round.
+fn quarter(value: impl Fn(usize, usize) -> f64) -> Vec<[f64; HALF + 1]> {
+    let mut values = vec![[0.0; HALF + 1]; HALF + 1];
+    for (row, column) in (0..=HALF).flat_map(|row| (0..=row).map(move |column| (row, column))) {
+        let value = value(row, column);
+        (values[row][column], values[column][row]) = (value, value);
+    }
+    values
+}
+
+/// The rows of the transform: the frequencies above half of a side are the negative ones.
+fn rows(quarter: &[[f64; HALF + 1]]) -> impl Iterator<Item = impl Iterator<Item = f64>> {
+    quarter
+        .iter()
+        .chain(quarter[1..HALF].iter().rev())
+        .map(|row| row.iter().chain(row[1..HALF].iter().rev()).copied())
+}
+
 /// Power by spatial frequency in a cell of the Fourier plane: log-normal along the radius, spread over the circle.
 fn density(relief: &Relief, frequency_per_m: f64) -> f64 {
     if frequency_per_m <= 0.0 {
@@ -108,12 +146,9 @@ fn density(relief: &Relief, frequency_per_m: f64) -> f64 {
     (-0.5 * away * away).exp() / (frequency_per_m * frequency_per_m)
 }
 
-/// Spatial frequency of a coefficient of the transform, 1/m.
-fn frequency(index: usize) -> f64 {
-    let signed = |k: usize| {
-        if k < SIDE / 2 { k as f64 } else { k as f64 - SIDE as f64 }
-    };
-    signed(index % SIDE).hypot(signed(index / SIDE)) / (SIDE as f64 * CELL_M)
+/// Spatial frequency of a coefficient of the transform, 1/m, by its frequencies in cycles a tile.
+fn frequency(row: usize, column: usize) -> f64 {
+    (column as f64).hypot(row as f64) / (SIDE as f64 * CELL_M)
 }
 
 /// Response of the spline to a wave of coefficients, at their places: divided by it, the spline interpolates the field.
@@ -126,9 +161,19 @@ fn transform(field: &mut [Complex64], inverse: bool) {
     let fft = if inverse { fft::inverse(SIDE) } else { fft::forward(SIDE) };
     for _ in 0..2 {
         fft.process(field);
-        for row in 0..SIDE {
-            for column in row + 1..SIDE {
-                field.swap(row * SIDE + column, column * SIDE + row);
+        transpose(field);
+    }
+}
+
+/// Exchanges rows and columns, in squares that stay in the cache: a column's values lie whole pages apart.
+fn transpose(field: &mut [Complex64]) {
+    const SQUARE: usize = 16;
+    for top in (0..SIDE).step_by(SQUARE) {
+        for left in (top..SIDE).step_by(SQUARE) {
+            for row in top..top + SQUARE {
+                for column in left.max(row + 1)..left + SQUARE {
+                    field.swap(row * SIDE + column, column * SIDE + row);
+                }
             }
         }
     }
