@@ -16,6 +16,7 @@ pub mod parallel;
 pub mod prediction;
 pub mod quantity;
 pub mod resample;
+pub mod sine;
 pub mod spectrum;
 pub mod spelling;
 pub mod statistics;

@@ -201,7 +201,7 @@ impl Hand {
 
     fn intent_at(&self, time_s: f64) -> Intent {
         let intent = self.script.at(time_s);
-        let tremor = self.tremor.each_ref().map(|wobble| wobble.at(time_s));
+        let tremor = Wobble::at(self.tremor.each_ref(), time_s);
         Intent { position_m: add_scaled(intent.position_m, tremor, self.grip.tremor_m), ..intent }
     }
 }

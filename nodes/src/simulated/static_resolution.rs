@@ -151,7 +151,7 @@ fn hold(
     for tick in 0..count {
         let t = tick as f64 / RATE_HZ;
         let loading = (t / MARGIN_S).min((settings.trial_s - t) / MARGIN_S).clamp(0.0, 1.0);
-        let [a, b, c] = tremble.each_ref().map(|wobble| 0.05 * wobble.at(t));
+        let [a, b, c] = Wobble::at(tremble.each_ref(), t).map(|value| 0.05 * value);
         let force_n = scale([0.2 * a, 0.2 * b, -1.0 - c], settings.force_n * loading);
         let reading = sensor.sample(force_n, cross(point_m, force_n));
         let contact = locator.update(reading.force_n, reading.torque_n_m);

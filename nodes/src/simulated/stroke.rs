@@ -126,8 +126,9 @@ impl Stroke {
         }
         let drawn_s = time_s + self.settings.pace_variation * self.pace.integral(time_s);
         let (shape, pressed, lifted) = self.shape(drawn_s);
-        let grow = [0, 1].map(|i| 1.0 + self.settings.size_variation * self.size[i].at(time_s));
-        let pressure = 1.0 + self.settings.force_variation * self.force.at(time_s);
+        let [width, height, force] = Wobble::at([&self.size[0], &self.size[1], &self.force], time_s);
+        let grow = [width, height].map(|size| 1.0 + self.settings.size_variation * size);
+        let pressure = 1.0 + self.settings.force_variation * force;
         StrokePoint {
             position_m: [shape[0] * grow[0], shape[1] * grow[1]],
             force_n: self.settings.force_n * pressure.max(0.1) * pressed,
@@ -149,7 +150,7 @@ impl Stroke {
             }
             StrokeShape::Writing { letter_m, line_m } => writing(t, letter_m, line_m),
             StrokeShape::Wander { side_m, .. } => {
-                (self.wander.each_ref().map(|wobble| 0.5 * side_m * wobble.at(t)), 1.0, 0.0)
+                (Wobble::at(self.wander.each_ref(), t).map(|wander| 0.5 * side_m * wander), 1.0, 0.0)
             }
         }
     }

@@ -189,7 +189,7 @@ impl SimulatedTool {
         let last = self.intent;
         let time_s = self.tick as f64 / TOOL_RATE_HZ;
         let next = self.script.at(time_s);
-        let tremor = self.tremor.each_ref().map(|wobble| wobble.at(time_s));
+        let tremor = Wobble::at(self.tremor.each_ref(), time_s);
         let next =
             Intent { position_m: add_scaled(next.position_m, tremor, self.grip.hand.tremor_m), ..next };
         self.intent = next;
@@ -262,7 +262,7 @@ impl SimulatedTool {
 
     fn sense(&mut self, acceleration_m_s2: Vec3, force_n: Vec3) {
         let time_s = self.tick as f64 / TOOL_RATE_HZ;
-        let [tilt, turn] = self.posture.each_ref().map(|wobble| wobble.at(time_s));
+        let [tilt, turn] = Wobble::at(self.posture.each_ref(), time_s);
         let tilt_rad = self.grip.tilt_rad + self.grip.sway_rad[0] * tilt;
         let heading_rad = self.grip.heading_rad + self.grip.sway_rad[1] * turn;
         let orientation = tilted(tilt_rad, heading_rad);

@@ -1,42 +1,51 @@
 //! Natural variation: smooth random functions that can be evaluated at any time, in any order.
 
+use haptograph_signal::sine::sines;
 use rand::RngExt;
 use rand_xoshiro::Xoshiro256PlusPlus;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 const TONES: usize = 5;
+/// Places of the tones: a whole vector. Those beyond the tones have a sine of 0.
+const PLACES: usize = 8;
 
 /// A smooth random function of mean 0 and variance 1: sines of seeded frequency and phase. Never beyond +-3.2.
 #[derive(Debug, Clone)]
 pub(crate) struct Wobble {
-    /// (angular frequency in rad/s, phase in rad)
-    tones: [(f64, f64); TONES],
-    /// Cosines of the phases.
-    cosines: [f64; TONES],
+    turn_rad_s: [f64; PLACES],
+    phase_rad: [f64; PLACES],
 }
 
 impl Wobble {
     /// A function with frequencies between two limits in Hz, one of its tones in each fifth of the band.
     pub(crate) fn new(low_hz: f64, high_hz: f64, rng: &mut Xoshiro256PlusPlus) -> Self {
         let band = (high_hz - low_hz) / TONES as f64;
-        let tones = std::array::from_fn(|i| {
+        let mut wobble = Self { turn_rad_s: [0.0; PLACES], phase_rad: [0.0; PLACES] };
+        for i in 0..TONES {
             let frequency_hz = low_hz + band * (i as f64 + rng.random::<f64>());
-            (TAU * frequency_hz, TAU * rng.random::<f64>())
-        });
-        Self { tones, cosines: tones.map(|(_, phase)| phase.cos()) }
+            (wobble.turn_rad_s[i], wobble.phase_rad[i]) = (TAU * frequency_hz, TAU * rng.random::<f64>());
+        }
+        wobble
     }
 
-    /// The value at a time in s.
-    pub(crate) fn at(&self, time_s: f64) -> f64 {
-        let value: f64 = self.tones.iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
-        value * amplitude()
+    /// The values of several at a time in s: their tones fill the vectors together.
+    pub(crate) fn at<const COUNT: usize>(wobbles: [&Self; COUNT], time_s: f64) -> [f64; COUNT] {
+        let mut tones = wobbles.map(|wobble| wobble.angles(time_s, 0.0));
+        sines(tones.as_flattened_mut());
+        tones.map(|sines| sines[..TONES].iter().sum::<f64>() * amplitude())
     }
 
     /// The integral from time 0 to a time in s.
     pub(crate) fn integral(&self, time_s: f64) -> f64 {
-        let tones = self.tones.iter().zip(self.cosines);
-        let value: f64 = tones.map(|((w, phase), cosine)| (cosine - (w * time_s + phase).cos()) / w).sum();
-        value * amplitude()
+        let mut cosines = [self.angles(0.0, FRAC_PI_2), self.angles(time_s, FRAC_PI_2)];
+        sines(cosines.as_flattened_mut());
+        let [before, after] = cosines;
+        let tones = before.iter().zip(after).zip(self.turn_rad_s).take(TONES);
+        tones.map(|((before, after), turn)| (before - after) / turn).sum::<f64>() * amplitude()
+    }
+
+    fn angles(&self, time_s: f64, ahead_rad: f64) -> [f64; PLACES] {
+        std::array::from_fn(|i| self.turn_rad_s[i] * time_s + (self.phase_rad[i] + ahead_rad))
     }
 }
 
@@ -55,7 +64,7 @@ mod tests {
         let step_s = 1e-3;
         let (mut square, mut sum) = (0.0, 0.0);
         for k in 0..400_000 {
-            let value = wobble.at((f64::from(k) + 0.5) * step_s);
+            let value = Wobble::at([&wobble], (f64::from(k) + 0.5) * step_s)[0];
             assert!(value.abs() <= TONES as f64 * amplitude());
             square += value * value / 400_000.0;
             sum += value * step_s;

@@ -2,6 +2,7 @@
 
 use super::{LsfError, MAX_ORDER, check_lengths};
 use haptograph_signal::elementwise::CacheLines;
+use haptograph_signal::sine::sine_within;
 use std::f64::consts::FRAC_PI_2;
 
 /// Most quadratic factors of the sum or the difference polynomial.
@@ -142,29 +143,11 @@ fn multiply<const L: usize>(half: &mut [Pair<L>; MAX_FACTORS + 1], factors: usiz
     }
 }
 
-/// Cosine on [0, π] to within two units in the last place of 1, by a Chebyshev fit of the sine about π/2: without the
-/// system library's branches, so that it vectorises.
+/// Cosine on [0, π] to within two units in the last place of 1.
 #[inline(always)]
 fn cos(x: f64) -> f64 {
     const FRAC_PI_2_LOW: f64 = 6.123233995736766e-17;
-    const SINE: [f64; 9] = [
-        1.0,
-        -0.16666666666666666,
-        0.008333333333333186,
-        -0.0001984126984120872,
-        2.755731921123654e-06,
-        -2.5052106891168703e-08,
-        1.6058940907182887e-10,
-        -7.643027273612204e-13,
-        2.7215821926997076e-15,
-    ];
-    let y = (FRAC_PI_2 - x) + FRAC_PI_2_LOW;
-    let t = y * y;
-    let mut sum = SINE[8];
-    for &coefficient in SINE[..8].iter().rev() {
-        sum = sum * t + coefficient;
-    }
-    y * sum
+    sine_within((FRAC_PI_2 - x) + FRAC_PI_2_LOW)
 }
 
 #[cfg(test)]
