@@ -9,9 +9,12 @@ mod contest;
 use contest::Work;
 use criterion::{Criterion, Throughput};
 use haptograph_signal::Complex64;
+use haptograph_signal::warped::power_gain;
 use haptograph_surfaces::hull::Hull;
 use haptograph_surfaces::lsf::{ar_to_lsf, lsf_to_ar};
-use haptograph_surfaces::{ArmaModel, Coefficients, Interpolator, ModelAt, TextureModel, VertexKind};
+use haptograph_surfaces::{
+    ArmaModel, Coefficients, Interpolator, ModelAt, ModelError, TextureModel, VertexKind,
+};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
@@ -44,18 +47,23 @@ fn ratios() {
         locate(name, &texture, &path);
         update(name, &texture, &path);
     }
+    warped_update();
     to_ar();
     to_lsf();
 }
 
 /// A map of 34 models of order 20 and about 44 triangles, the toolkit's median.
 fn texture() -> TextureModel {
+    texture_of(|lsf, variance| ArmaModel::from_lsf(lsf, &[], 1.0, variance))
+}
+
+fn texture_of(model: impl Fn(&[f64], f64) -> Result<ArmaModel, ModelError>) -> TextureModel {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
     let measured = (0..14)
         .map(|_| ModelAt {
             speed_m_s: random.random_range(0.01..0.24),
             force_n: random.random_range(0.1..3.9),
-            model: ArmaModel::from_lsf(&frequencies(&mut random), &[], 1.0, random.random_range(0.01..1.0))
+            model: model(&frequencies(&mut random), random.random_range(0.01..1.0))
                 .expect("ascending frequencies are a model"),
             kind: VertexKind::Measured,
         })
@@ -197,6 +205,38 @@ fn update(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
     contest::compare(
         calls(&format!("a whole update of AR({ORDER}) coefficients, {name}"), POINTS),
         &mut [("spade, means, complex products", &mut naive), ("Interpolator", &mut kernel)],
+    );
+}
+
+/// Warped models beside plain ones, and what their power costs by reflection coefficients.
+fn warped_update() {
+    const WARPING: f64 = 0.8;
+    let warped = texture_of(|lsf, power| ArmaModel::warped_from_lsf(lsf, WARPING, power));
+    let path = stroke();
+    let (mut plain, mut ours) = (Interpolator::new(&texture()), Interpolator::new(&warped));
+    let (mut into, mut other) = (Coefficients::SILENCE, Coefficients::SILENCE);
+    let mut run_plain = || {
+        for &(speed, force) in &path {
+            plain.interpolate(black_box(speed), force, &mut other);
+            black_box(&other);
+        }
+    };
+    let mut models = vec![Coefficients::SILENCE; POINTS];
+    models.iter_mut().zip(&path).for_each(|(into, &(speed, force))| _ = ours.interpolate(speed, force, into));
+    let mut run_warped = || {
+        for &(speed, force) in &path {
+            ours.interpolate(black_box(speed), force, &mut into);
+            black_box(&into);
+        }
+    };
+    let mut by_reflection = || models.iter().for_each(|at| _ = black_box(power_gain(at.ar(), WARPING)));
+    contest::compare(
+        calls(&format!("a whole update of warped AR({ORDER}) coefficients, along a smooth stroke"), POINTS),
+        &mut [
+            ("plain", &mut run_plain),
+            ("warped", &mut run_warped),
+            ("power_gain alone, by reflection coefficients", &mut by_reflection),
+        ],
     );
 }
 

@@ -2,11 +2,10 @@
 //! of its three models by the barycentric weights, and converts the mix to coefficients (thesis 2.4).
 
 use crate::MAX_ORDER;
-use crate::lsf::lsf_into_ar;
+use crate::lsf::{lsf_into_ar, warped_into_ar};
 use crate::model::ArmaModel;
 use crate::texture::TextureModel;
 use crate::triangulation::{Location, Triangle, Triangulation};
-use haptograph_signal::warped::power_gain;
 
 /// A filter's coefficients and excitation at one time, in arrays of fixed size.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -129,18 +128,18 @@ impl Interpolator {
         let (ma_lsf, rest) = rest.split_at(self.ma_order);
         into.ar_order = self.ar_order;
         into.ma_order = self.ma_order;
-        lsf_into_ar(ar_lsf, &mut into.ar[..self.ar_order]);
+        let ar = &mut into.ar[..self.ar_order];
+        into.variance = if self.warping == 0.0 {
+            lsf_into_ar(ar_lsf, ar);
+            rest[1]
+        } else {
+            rest[1] * rest[1] / warped_into_ar(ar_lsf, self.warping, ar)
+        };
         into.ar[self.ar_order..].fill(0.0);
         lsf_into_ar(ma_lsf, &mut into.ma[..self.ma_order]);
         into.ma[self.ma_order..].fill(0.0);
         into.gain = rest[0];
         into.warping = self.warping;
-        into.variance = if self.warping == 0.0 {
-            rest[1]
-        } else {
-            // A mix of stable models is stable; if rounding makes it unstable, it is silent.
-            power_gain(into.ar(), self.warping).map_or(0.0, |gain| rest[1] * rest[1] / gain)
-        };
     }
 
     /// Writes the unconverted mix at a spot into a lane of `rows`: line spectral frequencies of the AR and the MA polynomial,

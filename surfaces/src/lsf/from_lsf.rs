@@ -27,17 +27,27 @@ pub(crate) fn lsf_into_ar(lsf: &[f64], ar: &mut [f64]) {
 /// [`lsf_into_ar`] for one polynomial per lane, with the same bits; row k holds the k-th value of all lanes.
 #[inline(always)]
 pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; L]]) {
-    let order = lsf.len();
-    if check_lengths(order, ar.len()).is_err() {
-        return;
+    if check_lengths(lsf.len(), ar.len()).is_ok() {
+        lsf_to_factors_lanes(lsf, ar);
+        factors_to_ar_lanes(ar);
     }
+}
+
+/// The quadratic factors `1 + b z⁻¹ + z⁻²` of the sum and, in turn, the difference polynomial: their b, one for each frequency.
+#[inline(always)]
+pub(crate) fn lsf_to_factors_lanes<const L: usize>(lsf: &[[f64; L]], factors: &mut [[f64; L]]) {
     // Loops throughout: the closures of arrays' methods are compiled apart, and not for the instructions of the caller.
-    // The factors stay in the coefficients' places until these are known.
-    for (b, frequencies) in ar.iter_mut().zip(lsf) {
+    for (b, frequencies) in factors.iter_mut().zip(lsf) {
         for l in 0..L {
             b[l] = -2.0 * cos(frequencies[l]);
         }
     }
+}
+
+/// Makes the coefficients, at most [`MAX_ORDER`], of the factors in their places.
+#[inline(always)]
+pub(crate) fn factors_to_ar_lanes<const L: usize>(ar: &mut [[f64; L]]) {
+    let order = ar.len();
     // Either polynomial is palindromic once rid of its zeros at z = 1 and z = -1: the first half is enough. Both are
     // multiplied up side by side, [sum, difference].
     let pairs = order / 2;

@@ -6,10 +6,12 @@
 //! ascending sets ascends, so that interpolated LSFs always make a stable filter (thesis 2.4.1).
 
 mod from_lsf;
+mod power;
 mod to_lsf;
 
 pub use from_lsf::lsf_to_ar;
 pub(crate) use from_lsf::{lsf_into_ar, lsf_to_ar_lanes};
+pub(crate) use power::warped_into_ar;
 pub use to_lsf::ar_to_lsf;
 
 pub use haptograph_signal::arma::MAX_ORDER;
