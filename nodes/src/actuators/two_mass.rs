@@ -170,7 +170,7 @@ impl TwoMass {
         }
         let transition = (block / rate_hz).exp();
         TwoMassMachine {
-            transition: std::array::from_fn(|i| std::array::from_fn(|j| transition[(i, j)])),
+            transition: std::array::from_fn(|j| std::array::from_fn(|i| transition[(i, j)])),
             rate_hz,
             state: [0.0; 4],
             acceleration_m_s2: 0.0,
@@ -241,7 +241,8 @@ fn quadratic_factors([c3, c2, c1, c0]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
 /// Two masses in motion, stepped exactly for inputs held over each tick. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub(crate) struct TwoMassMachine {
-    transition: [[f64; 6]; 4],
+    /// What each state and each input does to the next states: columns, so that the states are computed side by side.
+    transition: [[f64; 4]; 6],
     rate_hz: f64,
     state: [f64; 4],
     acceleration_m_s2: f64,
@@ -264,10 +265,16 @@ impl TwoMassMachine {
     pub(crate) fn advance(&mut self, current_a: f64, force_n: f64) {
         let [current_a, force_n] = [current_a, force_n].map(|u| if u.is_finite() { u } else { 0.0 });
         let [magnet_m, magnet_m_s, body_m, body_m_s] = self.state;
-        // Written out: a sum over an iterator is a call for each row where the compiler does not inline it.
-        let next = self.transition.map(|[a, b, c, d, e, f]| {
-            a * magnet_m + b * magnet_m_s + c * body_m + d * body_m_s + e * current_a + f * force_n
-        });
+        let [a, b, c, d, e, f] = &self.transition;
+        let mut next = [0.0; 4];
+        for i in 0..4 {
+            next[i] = a[i] * magnet_m
+                + b[i] * magnet_m_s
+                + c[i] * body_m
+                + d[i] * body_m_s
+                + e[i] * current_a
+                + f[i] * force_n;
+        }
         // Flush denormals, which are slow.
         self.state = if next.iter().all(|x| x.abs() < 1e-30) { [0.0; 4] } else { next };
         self.acceleration_m_s2 = (self.state[3] - body_m_s) * self.rate_hz;
@@ -286,8 +293,8 @@ impl TwoMassMachine {
     /// acceleration read at its end, m/s2/A.
     pub(crate) fn response_at(&self, frequency_hz: f64) -> Complex64 {
         let z = Complex64::from_polar(1.0, std::f64::consts::TAU * frequency_hz / self.rate_hz);
-        let a = Matrix4::from_fn(|i, j| Complex64::from(self.transition[i][j]));
-        let b = Vector4::from_fn(|i, _| Complex64::from(self.transition[i][4]));
+        let a = Matrix4::from_fn(|i, j| Complex64::from(self.transition[j][i]));
+        let b = Vector4::from_fn(|i, _| Complex64::from(self.transition[4][i]));
         let state = (Matrix4::from_diagonal_element(z) - a).lu().solve(&b).unwrap_or_else(Vector4::zeros);
         state[3] * (Complex64::from(1.0) - z.inv()) * self.rate_hz
     }
