@@ -271,6 +271,13 @@ impl Loader {
                 return Vec::new();
             }
         };
+        if are_distinct_names(&pairs) {
+            let name = |(key, value): (Value, Value)| match key.shape {
+                Shape::String(text) => Some((Name { span: key.span, text }, value)),
+                _ => None,
+            };
+            return pairs.into_iter().filter_map(name).collect();
+        }
         let mut seen: HashMap<String, Span> = HashMap::with_capacity(pairs.len());
         let mut entries = Vec::with_capacity(pairs.len());
         for (key, value) in pairs {
@@ -452,6 +459,12 @@ impl Loader {
         }
         names
     }
+}
+
+/// True if nothing is to be said of the keys of a map from names.
+fn are_distinct_names(pairs: &[(Value, Value)]) -> bool {
+    let mut seen = HashSet::with_capacity(pairs.len());
+    pairs.iter().all(|(key, _)| matches!(&key.shape, Shape::String(text) if seen.insert(text.as_str())))
 }
 
 /// The error of a name that is declared again.

@@ -8,6 +8,9 @@ use unicode_ident::{is_xid_continue, is_xid_start};
 const WHITE: [char; 11] =
     [' ', '\t', '\n', '\r', '\u{b}', '\u{c}', '\u{85}', '\u{200e}', '\u{200f}', '\u{2028}', '\u{2029}'];
 
+/// Bytes of a token and the white space behind it in most files.
+const BYTES_A_TOKEN: usize = 6;
+
 /// Kind of a token. Its text is a slice of the source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Token {
@@ -37,10 +40,11 @@ pub(super) struct Lexeme {
 
 /// All tokens of `text`. Text that is not a token is reported, and replaced by the most likely token.
 pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Lexeme> {
-    let mut scanner = Scanner { source, text, at: 0, lexemes: Vec::new(), diagnostics };
+    let lexemes = Vec::with_capacity(text.len() / BYTES_A_TOKEN);
+    let mut scanner = Scanner { source, text, at: 0, lexemes, diagnostics };
     let mut tried = 0;
     while let Some(c) = scanner.rest().chars().next() {
-        if tried < MAX_TRIED && scanner.is_arithmetic(c) {
+        if "+-*/%^".contains(c) && tried < MAX_TRIED && scanner.is_arithmetic(c) {
             tried += 1;
             if let Some(found) = arithmetic(text, scanner.at, c) {
                 scanner.at = found.end;
@@ -82,7 +86,10 @@ impl<'a> Scanner<'a> {
         let line = || rest.find('\n').unwrap_or(rest.len());
         match c {
             '\u{feff}' if self.at == 0 => Some((None, c.len_utf8())),
-            c if WHITE.contains(&c) => Some((None, c.len_utf8())),
+            c if WHITE.contains(&c) => {
+                let more = rest.bytes().skip(1).take_while(|byte| matches!(byte, b' ' | b'\n')).count();
+                Some((None, c.len_utf8() + if c.is_ascii() { more } else { 0 }))
+            }
             '/' if rest.starts_with("//") => Some((None, line())),
             '/' if rest.starts_with("/*") => {
                 let length = comment_length(rest);
@@ -107,9 +114,7 @@ impl<'a> Scanner<'a> {
                 self.refuse_comment(line());
                 Some((None, line()))
             }
-            c if is_xid_start(c) || c == '_' => {
-                token(Token::Name, rest.find(|c| !is_xid_continue(c)).unwrap_or(rest.len()))
-            }
+            c if is_xid_start(c) || c == '_' => token(Token::Name, name_length(rest)),
             c if c.is_ascii_digit() || (matches!(c, '+' | '-' | '.') && number_follows(rest)) => {
                 token(Token::Number, number_length(rest))
             }
@@ -233,6 +238,12 @@ pub(in crate::document) fn is_name(text: &str) -> bool {
 
 /// Further comments of another language that are shown.
 const MORE_COMMENTS: usize = 3;
+
+fn name_length(rest: &str) -> usize {
+    let is_plain = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+    let plain = rest.bytes().take_while(is_plain).count();
+    plain + rest[plain..].find(|c| !is_xid_continue(c)).unwrap_or(rest.len() - plain)
+}
 
 /// Length of a block comment; they nest, as in RON.
 fn comment_length(rest: &str) -> Option<usize> {
