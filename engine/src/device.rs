@@ -205,7 +205,7 @@ pub trait DeviceKind: 'static {
 pub struct DeviceEntry {
     /// Channels and documentation.
     pub spec: &'static DeviceSpec,
-    settings: fn() -> Vec<SettingSpec>,
+    settings: fn() -> &'static [SettingSpec],
     pub(crate) build: DeviceBuild,
     /// True if its channels are those that the graph uses.
     is_host: bool,
@@ -249,7 +249,7 @@ impl DeviceEntry {
 
     /// The settings.
     pub fn settings(&self) -> Vec<SettingSpec> {
-        (self.settings)()
+        (self.settings)().to_vec()
     }
 }
 

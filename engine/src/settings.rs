@@ -130,8 +130,10 @@ pub trait Settings: Sized + 'static {
     fn each<V: EachField>(visitor: &mut V) -> Option<Self>;
     /// The names and values of the fields, in the order of declaration.
     fn fields(&self) -> Vec<(&'static str, Value)>;
-    /// The fields, in the order of declaration.
-    fn specs() -> Vec<SettingSpec> {
+    /// The specifications of the fields, in the order of declaration: [`list`](Self::list), made once.
+    fn specs() -> &'static [SettingSpec];
+    /// Makes the specifications of the fields.
+    fn list() -> Vec<SettingSpec> {
         let mut specs = Specs::default();
         let _ = Self::each(&mut specs);
         specs.0
@@ -157,7 +159,7 @@ impl<S: Settings> Setting for S {
         Value::structure(self.fields())
     }
     fn parts() -> Vec<Part> {
-        vec![Part { choice: None, doc: S::DOC.trim().to_owned(), fields: S::specs() }]
+        vec![Part { choice: None, doc: S::DOC.trim().to_owned(), fields: S::specs().to_vec() }]
     }
 }
 

@@ -8,13 +8,14 @@ use crate::scripted;
 use crate::settings::{
     Fields, Flag, Reading, SettingId, SettingRole, SettingSpec, Settings, check_at, count,
 };
+use std::borrow::Cow;
 
 /// A registered node kind, its types erased.
 #[derive(Clone, Copy)]
 pub struct NodeEntry {
     /// Ports and documentation.
     pub spec: &'static NodeSpec,
-    settings: fn() -> Vec<SettingSpec>,
+    settings: fn() -> &'static [SettingSpec],
     pub(crate) build: Build,
     /// The members of the family of outputs, if there is one.
     members: Option<Members>,
@@ -98,7 +99,7 @@ impl NodeEntry {
     pub fn scripted(kind: &'static dyn ScriptedKind) -> Self {
         Self {
             spec: without_family(kind.spec()),
-            settings: Vec::new,
+            settings: || &[],
             build: Build::Scripted(kind),
             members: None,
         }
@@ -163,15 +164,20 @@ impl NodeEntry {
 
     /// Its settings.
     pub fn settings(&self) -> Vec<SettingSpec> {
+        self.specs().into_owned()
+    }
+
+    /// The same without a copy, as far as it is known before the program runs.
+    pub(crate) fn specs(&self) -> Cow<'static, [SettingSpec]> {
         match self.build {
-            Build::Scripted(kind) => kind.settings(),
-            _ => (self.settings)(),
+            Build::Scripted(kind) => kind.settings().into(),
+            _ => (self.settings)().into(),
         }
     }
 
     /// Its setting of a role.
     pub fn setting_for(&self, role: SettingRole) -> Option<SettingSpec> {
-        self.settings().into_iter().find(|spec| spec.role == role)
+        self.specs().iter().find(|spec| spec.role == role).cloned()
     }
 
     /// Its live settings, with the handles that [`Processor::set`](super::Processor::set) takes.

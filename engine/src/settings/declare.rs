@@ -80,27 +80,27 @@ macro_rules! settings {
         $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
 
         impl $name { $($($($crate::settings!(@handle $flag $field);)+)?)* }
-
+        #[allow(clippy::unnecessary_cast, unused_variables)]
         impl $crate::settings::Settings for $name {
             const NAME: &'static str = stringify!($name);
             const DOC: &'static str = concat!($($summary),*);
-            #[allow(clippy::unnecessary_cast)]
             const FIELDS: &'static [$crate::settings::DeclaredField] = &[$($crate::settings::DeclaredField {
                 name: stringify!($field),
                 doc: concat!($($doc),*).trim_ascii(),
                 range: <[(f64, f64)]>::first(&[$((*$range.start() as f64, *$range.end() as f64))?]).copied(),
                 flags: &[$($($crate::settings::Flag::$flag),+)?],
             }),*];
-            #[allow(unused_variables)]
             fn each<V: $crate::settings::EachField>(visitor: &mut V) -> Option<Self> {
                 $(let $field = visitor.field::<$type>(
                     const { $crate::settings::declared(Self::FIELDS, stringify!($field)) },
                     None$(.or(Some($default)))?);)*
                 Some(Self { $($field: $field?,)* })
             }
-            fn fields(&self) -> Vec<(&'static str, $crate::document::value::Value)> {
-                vec![$((stringify!($field), $crate::settings::Setting::value(&self.$field))),*]
+            fn specs() -> &'static [$crate::settings::SettingSpec] {
+                static SPECS: std::sync::LazyLock<Vec<$crate::settings::SettingSpec>> = std::sync::LazyLock::new(<$name as $crate::settings::Settings>::list);
+                &SPECS
             }
+            fn fields(&self) -> Vec<(&'static str, $crate::document::value::Value)> { vec![$((stringify!($field), $crate::settings::Setting::value(&self.$field))),*] }
         }
         $(const _: () = $crate::settings::check_unit::<$type>(stringify!($field));)*
     };
@@ -143,7 +143,7 @@ macro_rules! choices {
             }
             fn parts() -> Vec<$crate::settings::Part> {
                 vec![$($crate::settings::Part::of_choice(stringify!($variant), concat!($($doc),*),
-                    [Vec::new() $(, <$payload as $crate::settings::Settings>::specs())?].concat())),*]
+                    [<&[_]>::default() $(, <$payload as $crate::settings::Settings>::specs())?].concat())),*]
             }
             #[allow(unused_variables)]
             fn read(value: &$crate::document::value::Value, into: &mut $crate::settings::Reading<'_>) -> Option<Self> {

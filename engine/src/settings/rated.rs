@@ -23,12 +23,12 @@ pub(crate) fn check_at<S: Settings>(settings: &S, rate_hz: f64) -> Result<(), Bu
     if const { count(S::FIELDS, Flag::below_nyquist) == 0 } {
         return Ok(());
     }
-    for (spec, (name, value)) in S::specs().into_iter().zip(settings.fields()) {
+    for (spec, (name, value)) in S::specs().iter().zip(settings.fields()) {
         let (Some(nyquist), Shape::Number(number, _)) = (spec.nyquist(rate_hz), value.shape) else {
             continue;
         };
         if number.is_nan() || number >= nyquist {
-            let unit = spec.unit.map_or_else(String::new, |unit| format!(" {}", unit.symbol));
+            let unit = spec.unit.as_ref().map_or_else(String::new, |unit| format!(" {}", unit.symbol));
             let message = format!("{number}{unit} is not below half the rate, {nyquist}{unit}");
             return Err(BuildError::at(name, message).help("lower it, or run the node on a faster clock"));
         }

@@ -5,9 +5,10 @@ use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::document::value::Value;
 use haptograph_engine::frame::{Kind, Scalar};
 use haptograph_engine::node::{BuildContext, BuildError, Port};
-use haptograph_engine::settings::{DeclaredField, EachField, NoSettings, Settings};
+use haptograph_engine::settings::{DeclaredField, EachField, NoSettings, SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::{Grams, NewtonsPerMillimetre};
+use std::sync::LazyLock;
 
 haptograph_engine::node! {
     /// Reads the acceleration of a tool along its actuator, which the hand feels.
@@ -103,6 +104,11 @@ impl Settings for SimulatedHaptuatorSettings {
         // Both are visited before the first `?`, so that all errors are reported.
         let (model, tolerance) = (TwoMassSettings::each(visitor), ToleranceSettings::each(visitor));
         Some(Self { model: model?, tolerance: tolerance? })
+    }
+
+    fn specs() -> &'static [SettingSpec] {
+        static SPECS: LazyLock<Vec<SettingSpec>> = LazyLock::new(SimulatedHaptuatorSettings::list);
+        &SPECS
     }
 
     fn fields(&self) -> Vec<(&'static str, Value)> {
