@@ -55,7 +55,7 @@ impl Uses<'_> {
             (_, Body::Tuple(values)) => values.iter().for_each(|value| self.walk(value, None)),
             (_, Body::Fields(entries)) => {
                 let fields = self.fields(name, spec);
-                for (name, value) in entries {
+                for (name, value) in entries.iter() {
                     let field = fields.iter().find(|field| field.name == name.text);
                     self.walk(value, field);
                 }

@@ -7,6 +7,7 @@ mod tokens;
 
 use super::value::{Body, Name, Shape, Tagged, Value};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
+use std::borrow::Cow;
 pub(super) use tokens::is_name;
 use tokens::{Lexeme, Token};
 
@@ -224,7 +225,7 @@ impl Reader<'_> {
     fn body(&mut self, depth: usize) -> Body {
         let close = self.partners[self.at];
         if self.holds_fields(close) {
-            Body::Fields(self.items(close, |reader| reader.field(depth + 1)))
+            Body::Fields(self.items(close, |reader| reader.field(depth + 1)).into())
         } else {
             Body::Tuple(self.items(close, |reader| reader.value(depth + 1)))
         }
@@ -413,7 +414,10 @@ impl Reader<'_> {
 
     fn number(&mut self) -> Option<Shape> {
         let written = self.slice();
-        let plain = written.replace('_', "");
+        let plain = match written.contains('_') {
+            true => Cow::from(written.replace('_', "")),
+            false => written.into(),
+        };
         let (sign, digits) = match plain.strip_prefix('-') {
             Some(digits) => ("-", digits),
             None => ("", plain.strip_prefix('+').unwrap_or(&plain)),
@@ -425,7 +429,7 @@ impl Reader<'_> {
             _ => 10,
         };
         let text = if radix == 10 {
-            Some(format!("{sign}{digits}"))
+            Some(plain.strip_prefix('+').unwrap_or(&plain).to_owned())
         } else {
             u64::from_str_radix(&digits[2..], radix).ok().map(|n| format!("{sign}{n}"))
         };

@@ -3,6 +3,7 @@
 use super::text;
 use super::write::Writer;
 use crate::diagnostic::{Diagnostics, Sources, Span};
+use std::sync::Arc;
 
 /// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,8 +49,8 @@ pub enum Body {
     Bare,
     /// `(a, b)`.
     Tuple(Vec<Value>),
-    /// `(x: a, y: b)`, repeated names kept.
-    Fields(Vec<(Name, Value)>),
+    /// `(x: a, y: b)`, repeated names kept. Shared, so that a check copies no nodes.
+    Fields(Arc<[(Name, Value)]>),
 }
 
 /// An identifier or key and its place.
@@ -124,8 +125,7 @@ impl Value {
     /// `(x: a)`, or `()` without fields.
     pub(crate) fn structure<N: AsRef<str>>(fields: impl IntoIterator<Item = (N, Self)>) -> Self {
         let fields = fields.into_iter().map(|(name, value)| (Name::from(name.as_ref()), value));
-        let fields: Vec<(Name, Self)> = fields.collect();
-        let (name, body) = (None, Body::Fields(fields));
+        let (name, body) = (None, Body::Fields(fields.collect()));
         match &body {
             Body::Fields(fields) if fields.is_empty() => Shape::Unit.into(),
             _ => Shape::Tagged(Tagged { name, body }).into(),
@@ -230,7 +230,7 @@ impl Value {
             Shape::List(values) => (values.as_slice(), [].as_slice(), [].as_slice()),
             Shape::Map(pairs) => (&[][..], pairs.as_slice(), &[][..]),
             Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) => (values.as_slice(), &[][..], &[][..]),
-            Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => (&[][..], &[][..], fields.as_slice()),
+            Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => (&[][..], &[][..], &fields[..]),
             _ => (&[][..], &[][..], &[][..]),
         };
         let pairs = pairs.iter().map(|(_, value)| value);
@@ -246,7 +246,7 @@ impl Value {
                 let body = match body {
                     Body::Bare => Body::Bare,
                     Body::Tuple(values) => Body::Tuple(changed(values, change)?),
-                    Body::Fields(fields) => Body::Fields(entries_changed(fields, change)?),
+                    Body::Fields(fields) => Body::Fields(entries_changed(fields, change)?.into()),
                 };
                 Shape::Tagged(Tagged { name: name.clone(), body })
             }

@@ -68,11 +68,13 @@ impl Writer {
                     Body::Bare => {}
                     Body::Tuple(values) => self.items(["(", ")"], layout, values, Self::value),
                     Body::Fields(fields) => {
-                        self.items(["(", ")"], layout, fields, |writer, (name, value)| {
+                        let mut written = fields.to_vec();
+                        self.items(["(", ")"], layout, &mut written, |writer, (name, value)| {
                             writer.name(name);
                             writer.text += ": ";
                             writer.value(value);
-                        })
+                        });
+                        *fields = written.into();
                     }
                 }
             }

@@ -50,7 +50,7 @@ pub(super) fn assemble(cx: &mut Context<'_>, built: Built, seed: u64) -> Option<
             simulated: simulated[index],
             fingerprint: fingerprint::of_node((cx, &files), &graph, index),
             live: live_values(node),
-            written: written(node),
+            given: node.fields.shared(),
             files,
         });
     }
@@ -111,7 +111,7 @@ fn within_the_device(work: &mut Work, node: &Connected, devices: &[GraphDevice])
 /// The live settings of a node with their values or defaults, each number of a list by itself.
 fn live_values(node: &Connected) -> Vec<(SettingId, f64)> {
     let mut found = Vec::new();
-    for (place, spec) in node.entry.settings().iter().enumerate() {
+    for (place, spec) in node.entry.specs().iter().enumerate().filter(|(_, spec)| spec.live) {
         let setting = SettingId::at(place);
         match live::value(&node.fields, spec) {
             Some(LiveValue::Number(number)) => found.push((setting, number)),
@@ -123,16 +123,6 @@ fn live_values(node: &Connected) -> Vec<(SettingId, f64)> {
         }
     }
     found
-}
-
-/// The given settings with computed values; paths without their folders.
-fn written(node: &Connected) -> Vec<(String, String)> {
-    let given = node.fields.remaining().iter();
-    let is_setting = |name: &str| node.entry.settings().iter().any(|spec| spec.name == name);
-    given
-        .filter(|(name, _)| is_setting(&name.text))
-        .map(|(name, value)| (name.text.clone(), value.brief()))
-        .collect()
 }
 
 fn input(graph: &Attached, node: &Connected, slot: &Slot) -> Input {

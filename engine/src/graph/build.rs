@@ -85,7 +85,6 @@ fn refuse_shared_files(cx: &mut Context<'_>, graph: &Attached, works: &[Option<W
 /// Which nodes depend on a simulated device, through connections and through bodies.
 fn simulated(graph: &Attached) -> Vec<bool> {
     let mut simulated = vec![false; graph.nodes.len()];
-    let readers = graph.readers(|_| true);
     let devices = &graph.devices.list;
     let mut bound: Vec<Vec<usize>> = vec![Vec::new(); devices.len()];
     let mut found = Vec::new();
@@ -98,7 +97,7 @@ fn simulated(graph: &Attached) -> Vec<bool> {
     }
     while let Some(node) = found.pop() {
         if !std::mem::replace(&mut simulated[node], true) {
-            found.extend(&readers[node]);
+            found.extend(&graph.readers[node]);
             found.extend(graph.device_of[node].iter().flat_map(|device| &bound[*device]));
         }
     }
@@ -107,8 +106,8 @@ fn simulated(graph: &Attached) -> Vec<bool> {
 
 /// True if a field has an unknown name. Errors of the node could then follow from the missing setting.
 fn misread(node: &Connected) -> bool {
-    let settings = node.entry.settings();
-    let mut fields = node.fields.remaining().iter();
+    let settings = node.entry.specs();
+    let mut fields = node.fields.remaining();
     fields.any(|(name, _)| settings.iter().all(|setting| setting.name != name.text))
 }
 
@@ -124,7 +123,7 @@ struct Job<'j> {
     node: usize,
     target: &'j Connected,
     fields: &'j mut Fields,
-    places: &'j Places,
+    places: &'j Places<'j>,
     /// True if no error of the node was reported, so that it can be built.
     is_sound: bool,
 }
@@ -149,7 +148,8 @@ impl Builder<'_> {
         for (name, missing) in missing_quantities(target) {
             fields.if_missing(name, Some(missing));
         }
-        let places = Places::of(&fields).and_inputs(target.places());
+        let inputs = || target.places().collect();
+        let places = Places::of(&target.fields).and_inputs(&inputs);
         let before = cx.diagnostics.len();
         let is_refused = cx.is_faulty(target) || target.has_broken_input() || target.fields.has_reported();
         let is_sound = !is_refused && !misread(target);
@@ -287,7 +287,7 @@ fn body(
     seed: u64,
 ) -> Option<BuiltDevice> {
     let mut fields = device.fields.clone();
-    let places = Places::of(&fields);
+    let places = Places::of(&device.fields);
     let before = cx.diagnostics.len();
     let finish = cx.reading(|reading| {
         let finish = (device.entry.build)(&mut fields, reading);

@@ -1,7 +1,6 @@
 //! Clocks, and their assignment to nodes: the fourth form of a graph.
 
 use super::Clock;
-use super::connection::Wire;
 use super::context::Context;
 use super::devices::Bound;
 use super::values::{Parameters, Place};
@@ -9,7 +8,8 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::settings::{Expected, Form, Setting};
 use haptograph_signal::time::{Rate, RateError, TimeBase};
-use std::collections::{HashMap, VecDeque};
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
 use std::ops::Deref;
 
 /// The clocks of a graph.
@@ -112,7 +112,7 @@ fn declared<'a>(
             return clock;
         }
     };
-    let mut fields = cx.fields(kind, entries.to_vec());
+    let mut fields = cx.fields(kind, entries);
     clock.broken = false;
     if derived {
         match fields.take("of") {
@@ -305,44 +305,50 @@ fn inferred(
     given: Vec<Option<usize>>,
 ) -> Vec<Option<usize>> {
     let (count, mut clock_of) = (graph.nodes.len(), given);
-    let mut readers = graph.readers(Wire::keeps_clock);
-    for readers in &mut readers {
-        readers.retain(|to| !graph.nodes[*to].entry.is_file());
-    }
-    let mut given: Vec<(usize, f64)> =
+    let readers = graph.readers(|to, wire| wire.keeps_clock() && !graph.nodes[to].entry.is_file());
+    let takes_none: Vec<bool> =
+        graph.nodes.iter().map(|node| cx.is_faulty(node) || node.entry.is_file()).collect();
+    let is_open = |clock_of: &[Option<usize>], node: usize| clock_of[node].is_none() && !takes_none[node];
+    let bound: Vec<usize> = (0..count).filter(|node| graph.device_of[*node].is_some()).collect();
+    // The nodes that hand on their clock, the next one last.
+    let mut queue: Vec<(usize, f64)> =
         (0..count).filter_map(|node| Some((node, clocks.list[clock_of[node]?].rate.hz()))).collect();
-    given.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-    let mut queue: VecDeque<usize> = given.into_iter().map(|(node, _)| node).collect();
-    let faulty: Vec<bool> = graph.nodes.iter().map(|node| cx.is_faulty(node)).collect();
+    queue.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    let mut queue: Vec<usize> = queue.into_iter().rev().map(|(node, _)| node).collect();
+    // Nodes with a reader that has a clock, the first one on top.
+    let mut backward = BinaryHeap::new();
+    let mut next = 0;
     loop {
-        while let Some(from) = queue.pop_front() {
+        while let Some(from) = queue.pop() {
             for &to in &readers[from] {
-                if clock_of[to].is_none() && !faulty[to] {
+                if is_open(&clock_of, to) {
                     clock_of[to] = clock_of[from];
-                    queue.push_front(to);
+                    queue.push(to);
                 }
             }
+            let wires = graph.nodes[from].wires().filter(|(_, wire)| wire.keeps_clock());
+            let sources = wires.map(|(_, wire)| wire.from).filter(|source| is_open(&clock_of, *source));
+            backward.extend(sources.map(Reverse));
         }
-        let open =
-            |node: &usize| clock_of[*node].is_none() && !faulty[*node] && !graph.nodes[*node].entry.is_file();
-        let backward = (0..count).filter(open).find_map(|from| {
-            let clock = readers[from].iter().find_map(|to| clock_of[*to])?;
-            Some((from, clock))
+        let by_reader = std::iter::from_fn(|| backward.pop()).find_map(|Reverse(node)| {
+            let mut readers = readers[node].iter().filter(|_| is_open(&clock_of, node));
+            readers.find_map(|to| Some((node, clock_of[*to]?)))
         });
         let by_device = || {
-            (0..count).filter(open).find_map(|node| {
-                let device = graph.device_of[node]?;
-                let mut others = (0..count).filter(|other| graph.device_of[*other] == Some(device));
-                Some((node, others.find_map(|other| clock_of[other])?))
+            bound.iter().filter(|node| is_open(&clock_of, **node)).find_map(|node| {
+                let device = graph.device_of[*node];
+                let mut others = bound.iter().filter(|other| graph.device_of[**other] == device);
+                Some((*node, others.find_map(|other| clock_of[*other])?))
             })
         };
-        let only = || match clocks.list.len() {
-            1 if clocks.names.len() == 1 => Some(((0..count).find(open)?, 0)),
-            _ => None,
+        let mut only = || {
+            next = (next..count).find(|node| is_open(&clock_of, *node)).unwrap_or(count);
+            (next < count && clocks.list.len() == 1 && clocks.names.len() == 1).then_some((next, 0))
         };
-        let Some((node, clock)) = backward.or_else(by_device).or_else(only) else { return clock_of };
+        let found = by_reader.or_else(by_device).or_else(&mut only);
+        let Some((node, clock)) = found else { return clock_of };
         clock_of[node] = Some(clock);
-        queue.push_back(node);
+        queue.push(node);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Resolution of one connection to the output of a node.
 
 use super::Bridge;
-use super::context::Context;
+use super::context::{Context, Entries};
 use super::declared::Target;
 use super::expand::Expanded;
 use crate::diagnostic::{Diagnostic, Span};
@@ -155,12 +155,13 @@ fn named(cx: &mut Context<'_>, graph: &Expanded, span: Span, written: &str, at: 
     match graph.scopes[at.scope].names.get(node) {
         Some(Target::Node(from)) => {
             let source = &graph.nodes[*from];
-            let names: Vec<&str> =
-                (0..source.output_count()).filter_map(|output| source.port_name(output)).collect();
-            let output = match (&source.members, source.entry.spec.family()) {
+            let names = || (0..source.output_count()).filter_map(|output| source.port_name(output));
+            let known = port.and_then(|port| names().position(|name| name == port));
+            let output = match (known, &source.members, source.entry.spec.family()) {
+                (Some(known), ..) => known,
                 // Any name may be that of a member: the error of the settings is reported.
-                (None, Some(family)) => names.iter().position(|name| Some(*name) == port).unwrap_or(family),
-                _ => choose(cx, span, (node, source.entry.spec.name), port, &names)?,
+                (None, None, Some(family)) => family,
+                _ => choose(cx, span, (node, source.entry.spec.name), port, &names().collect::<Vec<_>>())?,
             };
             Some(Wire { from: *from, output, bridge: None, general: false, span, via: None })
         }
@@ -284,7 +285,7 @@ fn bridged(
 /// Takes a field of a bridge; reports that it is missing.
 fn needed(
     fields: &mut Fields,
-    name: &str,
+    name: &'static str,
     form: &Name,
     help: &'static str,
     reading: &mut Reading<'_>,
@@ -298,8 +299,8 @@ fn needed(
 }
 
 /// What a `Delay` is written around, and its bridge.
-fn delay(cx: &mut Context<'_>, form: &Name, fields: &[(Name, Value)]) -> (Option<Value>, Option<Bridge>) {
-    let mut fields = cx.fields(form, fields.to_vec());
+fn delay(cx: &mut Context<'_>, form: &Name, fields: &Entries) -> (Option<Value>, Option<Bridge>) {
+    let mut fields = cx.fields(form, Entries::clone(fields));
     cx.reading(|reading| {
         let from = needed(&mut fields, "from", form, WRITE_DELAY, reading);
         let frames =
@@ -331,8 +332,8 @@ fn delay_frames(value: &Value, reading: &mut Reading<'_>) -> Option<u32> {
 }
 
 /// What a `Ring` is written around, and its bridge.
-fn ring(cx: &mut Context<'_>, form: &Name, fields: &[(Name, Value)]) -> (Option<Value>, Option<Bridge>) {
-    let mut fields = cx.fields(form, fields.to_vec());
+fn ring(cx: &mut Context<'_>, form: &Name, fields: &Entries) -> (Option<Value>, Option<Bridge>) {
+    let mut fields = cx.fields(form, Entries::clone(fields));
     cx.reading(|reading| {
         let from = needed(&mut fields, "from", form, WRITE_RING, reading);
         let range = Some((0.0, MAX_RING_LATENCY_MS));

@@ -8,9 +8,13 @@ use crate::registry::Registry;
 use crate::settings::{Expected, Fields, Reading, closest};
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Largest number of names compared with an unknown one; with 20,000 of each it would take a minute.
 const MAX_COMPARED_NAMES: usize = 500;
+
+/// The fields of a structure, shared with the document.
+pub(super) type Entries = Arc<[(Name, Value)]>;
 
 /// Context of all steps.
 pub(super) struct Context<'a> {
@@ -124,7 +128,7 @@ impl<'a> Context<'a> {
     }
 
     /// The fields of a structure of this kind.
-    pub(super) fn fields(&mut self, kind: &Name, entries: Vec<(Name, Value)>) -> Fields {
+    pub(super) fn fields(&mut self, kind: &Name, entries: Entries) -> Fields {
         self.reading(|reading| Fields::new(format!("`{}`", kind.text), kind.span, entries, reading))
     }
 
@@ -133,15 +137,15 @@ impl<'a> Context<'a> {
         &mut self,
         value: &'v Value,
         expected: &'static str,
-    ) -> Option<(&'v Name, &'v [(Name, Value)])> {
+    ) -> Option<(&'v Name, Entries)> {
         let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape else {
             return self.mismatch(value, &Expected::described(expected));
         };
         let at = match body {
-            Body::Bare => return Some((name, &[])),
-            Body::Fields(fields) => return Some((name, fields)),
+            Body::Bare => return Some((name, Entries::default())),
+            Body::Fields(fields) => return Some((name, Arc::clone(fields))),
             Body::Tuple(values) => match values.first() {
-                None => return Some((name, &[])),
+                None => return Some((name, Entries::default())),
                 Some(first) => first,
             },
         };

@@ -1,6 +1,6 @@
 //! Devices of the selected endpoints, and the nodes that read and drive them: the third form of a graph.
 
-use super::context::Context;
+use super::context::{Context, Entries};
 use super::options::{CheckOptions, Hosted};
 use super::values::{Parameters, Place};
 use super::wires::{Connected, Wired};
@@ -100,7 +100,7 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, options: &
 
 /// Makes an endpoint of the calling program.
 fn hosted(cx: &mut Context<'_>, name: &str, span: Span) -> Device {
-    let fields = cx.fields(&Name { span, text: "Host".to_owned() }, Vec::new());
+    let fields = cx.fields(&Name { span, text: "Host".to_owned() }, Entries::default());
     Device { name: name.to_owned(), span, entry: DeviceEntry::host(), fields, uses: Vec::new() }
 }
 
@@ -115,7 +115,7 @@ fn device(cx: &mut Context<'_>, parameters: &mut Parameters, name: &Name, value:
         let none = "no kinds of devices are registered";
         return cx.fail(cx.suggest(diagnostic, &kind.text, known, "there are", none));
     };
-    let fields = cx.fields(kind, entries.to_vec());
+    let fields = cx.fields(kind, entries);
     Some(Device { name: name.text.clone(), span: name.span, entry, fields, uses })
 }
 

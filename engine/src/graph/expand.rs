@@ -1,9 +1,9 @@
 //! Expansion of templates into nodes.
 
-use super::context::Context;
+use super::context::{Context, Entries};
 use super::declared::{Declared, Scope, Target};
 use super::members;
-use super::values::{Parameters, Place};
+use super::values::{Parameters, Place, is_replaced};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::library;
 use crate::document::value::{Name, Value};
@@ -28,7 +28,11 @@ pub(super) struct Expanded {
 pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoints: &str) -> Option<Expanded> {
     let document = cx.document;
     let graph = Expanded { nodes: Vec::with_capacity(document.nodes.len()), scopes: vec![Scope::default()] };
-    let mut expansion = Expansion { endpoints, templates: HashMap::new(), parameters, graph };
+    let mut kinds = HashMap::with_capacity(cx.registry.nodes().len());
+    for entry in cx.registry.nodes() {
+        kinds.entry(entry.spec.name).or_insert(*entry);
+    }
+    let mut expansion = Expansion { endpoints, kinds, templates: HashMap::new(), parameters, graph };
     for (i, template) in document.templates.iter().enumerate() {
         let name = &template.name;
         if cx.registry.node(&name.text).is_some() {
@@ -64,6 +68,7 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, scopes: &[Scope]) {
 struct Expansion<'a> {
     /// The set of endpoints that is selected.
     endpoints: &'a str,
+    kinds: HashMap<&'static str, NodeEntry>,
     templates: HashMap<String, usize>,
     parameters: &'a mut Parameters,
     graph: Expanded,
@@ -75,7 +80,7 @@ struct Entry<'v> {
     scope: usize,
     name: &'v Name,
     kind: &'v Name,
-    entries: &'v [(Name, Value)],
+    entries: &'v Entries,
 }
 
 impl Expansion<'_> {
@@ -88,6 +93,7 @@ impl Expansion<'_> {
         nodes: &[(Name, Value)],
         open: &mut Vec<usize>,
     ) -> Option<()> {
+        self.graph.scopes[scope].names.reserve(nodes.len());
         for (name, value) in nodes {
             if self.graph.nodes.len() >= MAX_NODES || self.graph.scopes.len() >= MAX_NODES {
                 let message = format!("the graph has more than {MAX_NODES} nodes");
@@ -98,7 +104,9 @@ impl Expansion<'_> {
                 );
             }
             let target = match cx.parts(value, "a node, `Kind(field: value)`") {
-                Some((kind, entries)) => self.declare(cx, Entry { scope, name, kind, entries }, open)?,
+                Some((kind, entries)) => {
+                    self.declare(cx, Entry { scope, name, kind, entries: &entries }, open)?
+                }
                 None => Target::Broken,
             };
             self.graph.scopes[scope].names.insert(name.text.clone(), target);
@@ -109,7 +117,7 @@ impl Expansion<'_> {
     /// Adds a node or a use of a template; `None` as in [`fill`](Self::fill).
     fn declare(&mut self, cx: &mut Context<'_>, of: Entry<'_>, open: &mut Vec<usize>) -> Option<Target> {
         let (registry, kind) = (cx.registry, &of.kind.text);
-        if let Some(entry) = registry.node(kind) {
+        if let Some(&entry) = self.kinds.get(kind.as_str()) {
             return Some(self.node(cx, of, entry, None));
         }
         if let Some(&template) = self.templates.get(kind) {
@@ -180,15 +188,18 @@ impl Expansion<'_> {
             None => Place::Graph,
         };
         let mut uses = Vec::new();
+        if !of.entries.iter().any(|(_, value)| is_replaced(value)) {
+            return (cx.fields(of.kind, Entries::clone(of.entries)), uses);
+        }
         let mut replaced = Vec::with_capacity(of.entries.len());
         let mut reported = Vec::new();
-        for (name, value) in of.entries {
+        for (name, value) in of.entries.iter() {
             match self.parameters.replace(cx, value, place, &mut uses) {
                 Some(value) => replaced.push((name.clone(), value)),
                 None => reported.push(name.text.clone()),
             }
         }
-        let mut fields = cx.fields(of.kind, replaced);
+        let mut fields = cx.fields(of.kind, replaced.into());
         for name in reported {
             fields.if_missing(&name, None);
         }
@@ -220,7 +231,7 @@ impl Expansion<'_> {
             ..Scope::default()
         };
         for input in &declared.inputs {
-            let given = fields.take(&input.text);
+            let given = fields.take(input.text.clone());
             if given.is_none() && !fields.is_reported(&input.text) {
                 let missing = missing_input(kind, &input.text, Presence::Required);
                 fields.miss(&input.text, missing.also(input.span, "declared here"));
@@ -228,7 +239,7 @@ impl Expansion<'_> {
             scope.inputs.insert(input.text.clone(), given);
         }
         for (setting, default) in &declared.settings {
-            let given = fields.take(&setting.text);
+            let given = fields.take(setting.text.clone());
             let reported = fields.is_reported(&setting.text);
             let required = library::is_required(default);
             let value = match given {

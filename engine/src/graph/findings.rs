@@ -3,78 +3,40 @@
 use super::context::Context;
 use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use crate::document::folder;
-use crate::document::value::{Body, Name, Shape, Value};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::BuildError;
 use crate::settings::Fields;
 use haptograph_signal::files;
 use std::path::Path;
 
-/// Places of the fields of a node or device.
-pub(super) struct Places {
-    owner: Span,
-    fields: Vec<(String, Span)>,
-    /// Structures in fields, alone or in a list.
-    structures: Vec<Structure>,
-    /// The input of each connection, and the place of its name, or of itself.
-    connections: Vec<(&'static str, Span)>,
+/// Places of the fields of a node or device; looked for only after an error.
+pub(super) struct Places<'f> {
+    fields: &'f Fields,
+    /// Inputs are where their first connection is: name of the port, place of the connection, and that of its name.
+    inputs: &'f dyn Fn() -> Vec<(&'static str, Span, Span)>,
 }
 
-struct Structure {
-    field: String,
-    place: usize,
-    span: Span,
-    fields: Vec<(String, Span)>,
-}
-
-/// The structures that a field is or lists.
-fn structures(field: &Name, value: &Value) -> Vec<Structure> {
+/// The structure that a value is, or the one at this place of a list: its place and its fields.
+fn structure(value: &Value, place: usize) -> Option<(Span, &[(Name, Value)])> {
     let elements = match &value.shape {
         Shape::List(elements) => &elements[..],
         _ => std::slice::from_ref(value),
     };
-    let elements = elements.iter().enumerate();
-    let structure = |(place, value): (usize, &Value)| match &value.shape {
-        Shape::Tagged(tagged) => Some(Structure {
-            field: field.text.clone(),
-            place,
-            span: value.span,
-            fields: match &tagged.body {
-                Body::Fields(fields) => spans(fields),
-                _ => Vec::new(),
-            },
-        }),
+    let element = elements.get(place)?;
+    match &element.shape {
+        Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => Some((element.span, fields)),
+        Shape::Tagged(_) => Some((element.span, &[])),
         _ => None,
-    };
-    elements.filter_map(structure).collect()
+    }
 }
 
-fn spans(fields: &[(Name, Value)]) -> Vec<(String, Span)> {
-    let fields = fields.iter();
-    fields.map(|(name, value)| (name.text.clone(), value.span)).collect()
-}
-
-impl Places {
-    pub(super) fn of(fields: &Fields) -> Self {
-        let written = fields.remaining();
-        let structures = written.iter().flat_map(|(name, value)| structures(name, value));
-        Self {
-            owner: fields.span,
-            fields: spans(written),
-            structures: structures.collect(),
-            connections: Vec::new(),
-        }
+impl<'f> Places<'f> {
+    pub(super) fn of(fields: &'f Fields) -> Self {
+        Self { fields, inputs: &Vec::new }
     }
 
-    /// Inputs are where their first connection is: name of the port, place of the connection, and that of its name.
-    pub(super) fn and_inputs(
-        mut self,
-        connections: impl Iterator<Item = (&'static str, Span, Span)>,
-    ) -> Self {
-        for (port, span, name) in connections {
-            self.fields.push((port.to_owned(), span));
-            self.connections.push((port, name));
-        }
-        self
+    pub(super) fn and_inputs(self, inputs: &'f dyn Fn() -> Vec<(&'static str, Span, Span)>) -> Self {
+        Self { inputs, ..self }
     }
 
     pub(super) fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
@@ -107,18 +69,21 @@ impl Places {
         error: BuildError,
         make: impl FnOnce(Span, String) -> Diagnostic,
     ) -> Diagnostic {
-        let structure = error.inside.and_then(|(field, place)| {
-            let mut structures = self.structures.iter();
-            structures.find(|structure| structure.field == field && structure.place == place)
-        });
-        let (owner, fields) =
-            structure.map_or((self.owner, &self.fields), |structure| (structure.span, &structure.fields));
-        let written = fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
-        let span = written.map_or(owner, |(_, span)| *span);
-        let connection = error.connection.and_then(|connection| {
-            let of_input = self.connections.iter().filter(|(input, _)| Some(*input) == error.field);
-            of_input.map(|(_, span)| *span).nth(connection as usize)
-        });
+        let inside = error.inside.and_then(|(field, place)| structure(self.fields.given(field)?, place));
+        let inputs = (self.inputs)();
+        let connections = || inputs.iter().filter(|(input, ..)| Some(*input) == error.field);
+        let owner = inside.map_or(self.fields.span, |(owner, _)| owner);
+        let written = match inside {
+            Some((_, fields)) => fields.iter().find(|(name, _)| Some(name.text.as_str()) == error.field),
+            None => self.fields.remaining().find(|(name, _)| Some(name.text.as_str()) == error.field),
+        };
+        let input = || connections().map(|(_, span, _)| *span).next().filter(|_| inside.is_none());
+        let written = written.map(|(_, value)| value.span).or_else(input);
+        let span = written.unwrap_or(owner);
+        let connection = error
+            .connection
+            .and_then(|connection| connections().nth(connection as usize))
+            .map(|(.., name)| *name);
         let part = error.part.and_then(|part| part_of_text(sources, span, part));
         let mut diagnostic = make(part.or(connection).unwrap_or(span), error.message);
         if let (Some(field), None) = (error.field, written) {

@@ -78,7 +78,7 @@ impl Fingerprint {
 pub(super) fn of_node(files: Files<'_>, graph: &Attached, node: usize) -> u64 {
     let target = &graph.nodes[node];
     let (mut live, mut lengths, mut unset) = (Vec::new(), Vec::new(), Vec::new());
-    for setting in target.entry.settings().iter().filter(|setting| setting.live) {
+    for setting in target.entry.specs().iter().filter(|setting| setting.live) {
         match live::value(&target.fields, setting) {
             Some(LiveValue::Items(items)) => lengths.push((setting.name, items.len())),
             Some(LiveValue::Number(_)) => {}
@@ -126,7 +126,7 @@ type Files<'a> = (&'a Context<'a>, &'a [PathBuf]);
 
 /// Hash of fields, independent of their order.
 fn fields(cx: Files<'_>, fields: &Fields, but: &[&str]) -> u64 {
-    let counted = fields.remaining().iter().filter(|(name, _)| !but.contains(&name.text.as_str()));
+    let counted = fields.remaining().filter(|(name, _)| !but.contains(&name.text.as_str()));
     let each = counted.map(|(name, given)| {
         Fingerprint::of(|state| {
             state.text(&name.text);
@@ -151,8 +151,8 @@ fn value((cx, files): Files<'_>, given: &Value, state: &mut Fingerprint) {
         Shape::String(text) => {
             state.number(3);
             state.text(text);
-            let path = folder(&cx.sources, given.span.source).join(text);
-            if files.contains(&path) {
+            let path = (!files.is_empty()).then(|| folder(&cx.sources, given.span.source).join(text));
+            if let Some(path) = path.filter(|path| files.contains(path)) {
                 file(&path, state);
             }
         }
@@ -180,7 +180,7 @@ fn value((cx, files): Files<'_>, given: &Value, state: &mut Fingerprint) {
                 Body::Fields(fields) => {
                     state.number(2);
                     state.number(fields.len() as u64);
-                    for (name, inner) in fields {
+                    for (name, inner) in fields.iter() {
                         state.text(&name.text);
                         value((cx, files), inner, state);
                     }

@@ -16,7 +16,7 @@ pub(super) fn remove(cx: &mut Context<'_>, graph: Wired) -> Wired {
     if found.is_empty() {
         return graph;
     }
-    let readers = graph.readers(|_| true);
+    let readers = graph.readers(|_, _| true);
     let mut gone = vec![false; graph.nodes.len()];
     while let Some((node, cause)) = found.pop() {
         if std::mem::replace(&mut gone[node], true) {

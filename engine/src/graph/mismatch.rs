@@ -264,10 +264,9 @@ fn report_unknown(cx: &mut Context<'_>, graph: &Typed) {
     // Nodes that depend on a reported one are not at fault.
     let is_reported = |node: &Connected| cx.is_faulty(node) || node.has_broken_input();
     let mut excused: Vec<bool> = graph.nodes.iter().map(is_reported).collect();
-    let readers = graph.readers(|_| true);
     let mut queue: Vec<usize> = (0..graph.nodes.len()).filter(|i| excused[*i]).collect();
     while let Some(node) = queue.pop() {
-        for &reader in &readers[node] {
+        for &reader in &graph.readers[node] {
             if !std::mem::replace(&mut excused[reader], true) {
                 queue.push(reader);
             }

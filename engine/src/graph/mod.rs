@@ -47,6 +47,7 @@ pub use crate::settings::LiveSetting;
 use crate::bridges::BridgeEntry;
 use crate::device::{Channel, Device, DeviceEntry, DeviceKind};
 use crate::diagnostic::{Diagnostic, Sources, Span};
+use crate::document::value::{Name, Value};
 use crate::frame::Kind;
 use crate::node::{
     AfterData, AnyProcessor, DataEnd, FileProgress, FileSink, Limit, NodeEntry, OfflineOnly, OutputSpec,
@@ -140,8 +141,8 @@ pub struct Node {
     pub fingerprint: u64,
     /// Live settings, each number of a list by itself: handle, and value as in the graph file.
     pub live: Vec<(SettingId, f64)>,
-    /// The settings that the graph gives it, as written there.
-    pub written: Vec<(String, String)>,
+    /// What the graph gives it, shared with the document.
+    pub(crate) given: Arc<[(Name, Value)]>,
     /// Files that its settings name, such as the surface it renders.
     pub files: Vec<PathBuf>,
 }
@@ -377,7 +378,7 @@ impl Graph {
     pub fn live_settings(&self) -> Vec<LiveSetting> {
         let mut found = Vec::new();
         for (index, node) in self.nodes.node_indices().zip(self.nodes.node_weights()) {
-            let specs = node.entry.settings();
+            let specs = node.entry.specs();
             found.extend(node.live.iter().filter_map(|(setting, value)| {
                 let spec = specs.get(setting.index())?;
                 Some(LiveSetting {
@@ -482,6 +483,14 @@ impl Node {
     pub fn raised(&self, exception: &str, traceback: &str) -> Diagnostic {
         let message = format!("`{}` raised {exception}", self.path);
         Diagnostic::error("E0801", self.span, message).help(traceback)
+    }
+
+    /// The settings that the graph gives it, with computed values; paths without their folders.
+    pub fn written(&self) -> Vec<(String, String)> {
+        let specs = self.entry.specs();
+        let is_setting = |name: &str| specs.iter().any(|spec| spec.name == name);
+        let settings = self.given.iter().filter(|(name, _)| is_setting(&name.text));
+        settings.map(|(name, value)| (name.text.clone(), value.brief())).collect()
     }
 
     /// The declaration of an output, that of the family for a member of it.

@@ -3,7 +3,7 @@
 use super::clocks::Clocked;
 use super::connection::Wire;
 use super::context::Context;
-use super::wires::{Connected, Slot};
+use super::wires::{Connected, Readers, Slot};
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Shape, Value};
 use crate::frame::Kind;
@@ -29,6 +29,8 @@ pub(super) struct Typed {
     pub types: Vec<Vec<Type>>,
     /// Quantities that settings name, by node and setting; `None` after a reported error.
     named: HashMap<(usize, &'static str), Option<Quantity>>,
+    /// All readers of each node.
+    pub readers: Readers,
 }
 
 impl Deref for Typed {
@@ -43,16 +45,17 @@ impl Deref for Typed {
 pub(super) fn infer(cx: &mut Context<'_>, graph: Clocked) -> Typed {
     let types = (0..graph.nodes.len()).map(|node| sensed(&graph, node)).collect();
     let named = quantities_by_name(cx, &graph);
-    let mut graph = Typed { graph, types, named };
-    let readers = graph.readers(|_| true);
+    let readers = graph.readers(|_, _| true);
+    let mut graph = Typed { graph, types, named, readers };
+    let mut found = Vec::new();
     // In the order of their dependencies.
     let mut queue: VecDeque<usize> = (0..graph.nodes.len()).collect();
     while let Some(node) = queue.pop_front() {
-        let found: Vec<Type> =
-            (0..graph.types[node].len()).map(|output| graph.output(node, output)).collect();
+        found.clear();
+        found.extend((0..graph.types[node].len()).map(|output| graph.output(node, output)));
         if found != graph.types[node] {
-            graph.types[node] = found;
-            queue.extend(&readers[node]);
+            graph.types[node].copy_from_slice(&found);
+            queue.extend(&graph.readers[node]);
         }
     }
     graph
@@ -100,8 +103,8 @@ impl Typed {
             KindRule::Is(kind) => Some(kind),
             // An output without a rule carries scalars.
             KindRule::Linear | KindRule::Any => Some(Kind::SCALAR),
-            KindRule::Same(input) => match self.arriving_at(node, input) {
-                Some(arriving) => arriving.into_iter().find_map(|carried| carried.kind),
+            KindRule::Same(input) => match self.arriving_at(node, input, |carried| carried.kind) {
+                Some(arriving) => arriving,
                 None => match port(&self.nodes[node], input)?.kind {
                     KindRule::Is(kind) => Some(kind),
                     _ => Some(Kind::SCALAR),
@@ -112,8 +115,8 @@ impl Typed {
 
     /// The quantity that a rule of `node` stands for, as far as it is known.
     pub(super) fn quantity_of(&self, node: usize, rule: QuantityRule) -> Option<Quantity> {
-        let of = |input: &'static str| match self.arriving_at(node, input) {
-            Some(arriving) => arriving.into_iter().find_map(|carried| carried.quantity),
+        let of = |input: &'static str| match self.arriving_at(node, input, |carried| carried.quantity) {
+            Some(arriving) => arriving,
             None => match port(&self.nodes[node], input)?.quantity {
                 QuantityRule::Is(quantity) => Some(quantity),
                 _ => Some(Quantity::NUMBER),
@@ -131,11 +134,11 @@ impl Typed {
         }
     }
 
-    /// The types that arrive at an input; `None` if it is not connected.
-    fn arriving_at(&self, node: usize, input: &str) -> Option<Vec<Type>> {
+    /// The first known part of the types that arrive at an input; `None` if it is not connected.
+    fn arriving_at<T>(&self, node: usize, input: &str, part: fn(Type) -> Option<T>) -> Option<Option<T>> {
         let slots = || self.nodes[node].slots_of(input);
         let is_connected = slots().any(|slot| slot.wire.is_some() || slot.broken);
-        is_connected.then(|| slots().filter_map(|slot| self.arriving(slot)).collect())
+        is_connected.then(|| slots().filter_map(|slot| self.arriving(slot)).find_map(part))
     }
 }
 
@@ -173,8 +176,8 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &Connected, setting: &'static st
         Some(Value { span, shape: Shape::String(name) }) => (name.clone(), *span),
         Some(_) => return None, // Reported when the settings are read.
         None => {
-            let specs = node.entry.settings();
-            let default = specs.into_iter().find(|spec| spec.name == setting)?.default?;
+            let specs = node.entry.specs();
+            let default = specs.iter().find(|spec| spec.name == setting)?.default.as_ref()?;
             (default.trim_matches('"').to_owned(), node.fields.span)
         }
     };
@@ -198,7 +201,7 @@ fn quantity_names() -> Vec<&'static str> {
 
 /// The settings that have to name a quantity, with the error of each that is missing.
 pub(super) fn missing_quantities(node: &Connected) -> impl Iterator<Item = (&'static str, Diagnostic)> {
-    let (spec, settings) = (node.entry.spec, node.entry.settings());
+    let (spec, settings) = (node.entry.spec, node.entry.specs());
     let rules = spec.inputs.iter().map(|port| port.quantity);
     let rules = rules.chain(spec.outputs.iter().map(|port| port.quantity));
     rules.filter_map(move |rule| {

@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use super::declared::Target;
+use super::types::Typed;
 use super::wires::Wired;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::Document;
@@ -9,19 +10,23 @@ use crate::document::value::{Shape, Value};
 use std::collections::HashSet;
 
 /// Reports nodes whose outputs no node reads; a use of a template counts as one node.
-pub(super) fn warn(cx: &mut Context<'_>, graph: &Wired) {
-    let readers = graph.readers(|_| true);
+pub(super) fn warn(cx: &mut Context<'_>, graph: &Typed) {
+    let readers = &graph.readers;
     let is_sink = |node: usize| graph.nodes[node].entry.is_actuator() || graph.nodes[node].entry.is_file();
     let mut reported: HashSet<Span> = HashSet::new();
     for (scope_index, scope) in graph.scopes.iter().enumerate() {
         let exported = exported(cx.document, graph, scope_index);
-        let mut names: Vec<(&String, &Target)> = scope.names.iter().collect();
+        let may_be_unused = |target: &Target| match target {
+            Target::Node(node) => readers[*node].is_empty() && !is_sink(*node),
+            Target::Instance(_) => true,
+            Target::Broken => false,
+        };
+        let mut names: Vec<(&String, &Target)> =
+            scope.names.iter().filter(|(_, target)| may_be_unused(target)).collect();
         names.sort_by_key(|(name, _)| name.as_str());
         for (name, target) in names.into_iter().filter(|(name, _)| !exported.contains(name.as_str())) {
             let unused = match target {
-                Target::Node(node) if readers[*node].is_empty() && !is_sink(*node) => {
-                    Some((graph.nodes[*node].name, "node "))
-                }
+                Target::Node(node) => Some((graph.nodes[*node].name, "node ")),
                 Target::Instance(inner) => {
                     let inside = within(graph, *inner);
                     let is_used = |node: &usize| {
@@ -30,7 +35,7 @@ pub(super) fn warn(cx: &mut Context<'_>, graph: &Wired) {
                     let place = graph.scopes[*inner].template.filter(|_| !inside.iter().any(is_used));
                     place.map(|(_, span)| (span, ""))
                 }
-                _ => None,
+                Target::Broken => None,
             };
             if let Some((span, what)) = unused.filter(|(span, _)| reported.insert(*span)) {
                 let message = format!("{what}`{}{name}` is never used", scope.prefix);

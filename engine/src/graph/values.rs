@@ -18,6 +18,9 @@ const MAX_FORMULA: usize = 16_384;
 /// Largest nesting of brackets after replacement.
 const MAX_DEPTH: usize = 128;
 
+/// Structures in whose place a value is put.
+const REPLACED: [&str; 3] = ["Param", "Setting", "Expr"];
+
 /// The graph's parameters.
 pub(super) struct Parameters {
     values: HashMap<String, Parameter>,
@@ -158,7 +161,7 @@ impl Parameters {
             return value.map_inner(&mut |inner| self.replace_at(cx, inner, place, uses, depth + 1));
         };
         let name = name.text.as_str();
-        if !matches!(name, "Param" | "Setting" | "Expr") {
+        if !REPLACED.contains(&name) {
             return value.map_inner(&mut |inner| self.replace_at(cx, inner, place, uses, depth + 1));
         }
         let Some((asked, at)) = only_text(body) else {
@@ -301,6 +304,14 @@ impl Parameters {
         }
         let none = format!("declare it: `parameters: {{ \"{asked}\": ... }}`");
         cx.fail(unknown(cx, asked, value.span, &none))
+    }
+}
+
+/// True if a value has names that are replaced.
+pub(super) fn is_replaced(value: &Value) -> bool {
+    match &value.shape {
+        Shape::Tagged(Tagged { name: Some(name), .. }) if REPLACED.contains(&name.text.as_str()) => true,
+        _ => value.inner().any(is_replaced),
     }
 }
 

@@ -9,7 +9,7 @@ use super::{NodeId, TemplateOutput};
 use crate::diagnostic::Span;
 use crate::document::value::{Name, Shape, Value};
 use crate::node::Presence;
-use std::ops::Deref;
+use std::ops::{Deref, Index};
 
 /// All nodes with their connections.
 pub(super) struct Wired {
@@ -87,20 +87,46 @@ impl Connected {
 }
 
 impl Wired {
-    /// For each node the nodes that read it by connections for which `follows` holds.
-    pub(super) fn readers(&self, follows: impl Fn(&Wire) -> bool) -> Vec<Vec<usize>> {
-        let mut readers: Vec<Vec<usize>> = vec![Vec::new(); self.nodes.len()];
-        for (to, node) in self.nodes.iter().enumerate() {
-            for (_, wire) in node.wires().filter(|(_, wire)| follows(wire)) {
-                readers[wire.from].push(to);
+    /// For each node the nodes that read it, by connections for which `follows` holds with the reader.
+    pub(super) fn readers(&self, follows: impl Fn(usize, &Wire) -> bool) -> Readers {
+        let visit = |visit: &mut dyn FnMut(usize, usize)| {
+            for (to, node) in self.nodes.iter().enumerate() {
+                node.wires().filter(|(_, wire)| follows(to, wire)).for_each(|(_, wire)| visit(wire.from, to));
             }
+        };
+        let mut ends = vec![0; self.nodes.len() + 1];
+        visit(&mut |from, _| ends[from + 1] += 1);
+        for node in 0..self.nodes.len() {
+            ends[node + 1] += ends[node];
         }
-        readers
+        let mut list = vec![0; ends[self.nodes.len()]];
+        // Each beginning moves to its end, which is the beginning of the next.
+        visit(&mut |from, to| {
+            list[ends[from]] = to;
+            ends[from] += 1;
+        });
+        Readers { ends, list }
     }
 
     /// Name in messages of the output that a connection reads: `tone.out`.
     pub(super) fn source_name(&self, wire: &Wire) -> String {
         self.nodes[wire.from].output_name(wire.output)
+    }
+}
+
+/// The readers of each node, by index.
+pub(super) struct Readers {
+    /// Where those of each node end in the list.
+    ends: Vec<usize>,
+    list: Vec<usize>,
+}
+
+impl Index<usize> for Readers {
+    type Output = [usize];
+
+    fn index(&self, node: usize) -> &[usize] {
+        let start = node.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.list[start..self.ends[node]]
     }
 }
 
@@ -169,7 +195,7 @@ fn slots_of(
         let wire = value.as_ref().and_then(|value| resolve(cx, graph, value, at));
         // A number in place of a connection is most likely that of the setting of the same name with a unit.
         if let Some(Value { shape: Shape::Number(_, number), .. }) = &value
-            && let Some(setting) = node.entry.settings().iter().find(|setting| {
+            && let Some(setting) = node.entry.specs().iter().find(|setting| {
                 let unit = setting.name.strip_prefix(input.name);
                 unit.is_some_and(|unit| unit.starts_with('_'))
             })

@@ -4,7 +4,9 @@ use super::{Expected, Reading, Setting, closest, unknown_choice};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use haptograph_signal::units;
+use std::borrow::Cow;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Fields of every kind of node; messages list them last.
 const OF_EVERY_NODE: [&str; 2] = ["clock", "only"];
@@ -16,8 +18,11 @@ pub struct Fields {
     pub owner: String,
     /// The whole structure.
     pub span: Span,
-    pub(super) entries: Vec<(Name, Value)>,
-    known: Vec<String>,
+    /// Shared with the document and with copies of these fields.
+    pub(super) entries: Arc<[(Name, Value)]>,
+    /// Which of the first entries have been taken.
+    pub(super) taken: Vec<bool>,
+    known: Vec<Cow<'static, str>>,
     /// Special diagnostics for missing fields, by name; `None` if the field was reported already.
     pub(super) missing: Vec<(String, Option<Diagnostic>)>,
     /// Missing fields, reported at the end: an unknown field may be a misspelling of one.
@@ -26,11 +31,26 @@ pub struct Fields {
 
 impl Fields {
     /// The fields of a structure. A name given twice is reported and its first value kept.
-    pub fn new(owner: String, span: Span, entries: Vec<(Name, Value)>, reading: &mut Reading<'_>) -> Self {
+    pub fn new(
+        owner: String,
+        span: Span,
+        entries: impl Into<Arc<[(Name, Value)]>>,
+        reading: &mut Reading<'_>,
+    ) -> Self {
+        let mut entries = entries.into();
+        if has_repeated(&entries) {
+            entries = Self::once(&owner, &entries, reading);
+        }
+        let (taken, known) = (Vec::new(), Vec::new());
+        Self { owner, span, entries, taken, known, missing: Vec::new(), missed: Vec::new() }
+    }
+
+    /// Reports names given twice; the first value of each.
+    fn once(owner: &str, entries: &[(Name, Value)], reading: &mut Reading<'_>) -> Arc<[(Name, Value)]> {
         let mut kept: Vec<(Name, Value)> = Vec::with_capacity(entries.len());
-        let mut seen: HashMap<String, Span> = HashMap::with_capacity(entries.len());
+        let mut seen: HashMap<&str, Span> = HashMap::with_capacity(entries.len());
         for (name, value) in entries {
-            match seen.get(&name.text) {
+            match seen.get(name.text.as_str()) {
                 Some(first) => reading.diagnostics.push(
                     Diagnostic::error(
                         "E0105",
@@ -42,24 +62,39 @@ impl Fields {
                     .help("remove one of them"),
                 ),
                 None => {
-                    seen.insert(name.text.clone(), name.span);
-                    kept.push((name, value));
+                    seen.insert(&name.text, name.span);
+                    kept.push((name.clone(), value.clone()));
                 }
             }
         }
-        Self { owner, span, entries: kept, known: Vec::new(), missing: Vec::new(), missed: Vec::new() }
+        kept.into()
     }
 
     /// Takes the field called `name`, if it was given.
-    pub fn take(&mut self, name: &str) -> Option<Value> {
-        self.know(name);
-        let at = self.entries.iter().position(|(given, _)| given.text == name)?;
-        Some(self.entries.remove(at).1)
+    pub fn take(&mut self, name: impl Into<Cow<'static, str>>) -> Option<Value> {
+        let at = self.take_at(name.into())?;
+        Some(match Arc::get_mut(&mut self.entries) {
+            Some(entries) => std::mem::replace(&mut entries[at].1, Shape::Unit.into()),
+            None => self.entries[at].1.clone(),
+        })
     }
 
-    /// Declares a known field name without taking the field; for "did you mean".
-    pub fn know(&mut self, name: &str) {
-        self.known.push(name.to_owned());
+    /// Takes the field called `name`, whose value stays at this place of the entries.
+    fn take_at(&mut self, name: Cow<'static, str>) -> Option<usize> {
+        let at = self.place_of(&name);
+        self.known.push(name);
+        self.taken.resize(self.entries.len(), false);
+        self.taken[at?] = true;
+        at
+    }
+
+    fn place_of(&self, name: &str) -> Option<usize> {
+        let at = self.entries.iter().position(|(given, _)| given.text == name)?;
+        self.is_left(at).then_some(at)
+    }
+
+    fn is_left(&self, at: usize) -> bool {
+        self.taken.get(at) != Some(&true)
     }
 
     /// Sets the diagnostic for a missing required field; `None` if the reason has been reported already.
@@ -84,18 +119,24 @@ impl Fields {
 
     /// The value of the field called `name`, if it was given and not taken.
     pub fn given(&self, name: &str) -> Option<&Value> {
-        let mut entries = self.entries.iter();
-        entries.find(|(given, _)| given.text == name).map(|(_, value)| value)
+        Some(&self.entries[self.place_of(name)?].1)
+    }
+
+    /// All fields, taken or not.
+    pub(crate) fn shared(&self) -> Arc<[(Name, Value)]> {
+        Arc::clone(&self.entries)
     }
 
     /// The fields that have not been taken.
-    pub fn remaining(&self) -> &[(Name, Value)] {
-        &self.entries
+    pub fn remaining(&self) -> impl Iterator<Item = &(Name, Value)> {
+        let entries = self.entries.iter().enumerate();
+        entries.filter(|(at, _)| self.is_left(*at)).map(|(_, entry)| entry)
     }
 
     /// Reports missing fields and fields that were not taken.
     pub fn finish(mut self, reading: &mut Reading<'_>) {
-        for (name, value) in std::mem::take(&mut self.entries) {
+        let unknown: Vec<(Name, Value)> = self.remaining().cloned().collect();
+        for (name, value) in unknown {
             let message = format!("{} has no field `{}`", self.owner, name.text);
             let diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
             let (meant, help) = self.meant(&name.text, &value);
@@ -113,13 +154,13 @@ impl Fields {
                 self.known.iter().find_map(|known| Some((known, units::between(name, known)?)))
         {
             let help = format!("did you mean `{known}: {}`?", rounded(number * factor));
-            return (Some(known.clone()), help);
+            return (Some(known.clone().into_owned()), help);
         }
         // A field that is missing is the likeliest to be meant. A connection is the input that nothing else is.
         let missed = closest(name, self.missed.iter().map(|(name, _)| name.as_str()));
         let connects = matches!(value.shape, Shape::String(_) | Shape::Tagged(_) | Shape::List(_));
         let missed = missed.or_else(|| self.only_input().filter(|_| connects));
-        let near = missed.or_else(|| closest(name, self.known.iter().map(String::as_str)));
+        let near = missed.or_else(|| closest(name, self.known.iter().map(AsRef::as_ref)));
         let help = match near {
             Some(near) => format!("did you mean `{near}`?"),
             None if self.known.is_empty() => "it takes no fields".to_owned(),
@@ -138,8 +179,8 @@ impl Fields {
 
     /// All fields, those of the structure first.
     fn list(&self) -> String {
-        let is_general = |name: &&String| OF_EVERY_NODE.contains(&name.as_str());
-        let quoted = |names: Vec<&String>| {
+        let is_general = |name: &&Cow<'_, str>| OF_EVERY_NODE.contains(&name.as_ref());
+        let quoted = |names: Vec<&Cow<'_, str>>| {
             let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
             names.join(", ")
         };
@@ -159,7 +200,7 @@ impl Fields {
         range: Option<(f64, f64)>,
         reading: &mut Reading<'_>,
     ) -> Option<T> {
-        let Some(value) = self.take(name) else {
+        let Some(at) = self.take_at(name.into()) else {
             if default.is_none() {
                 let special = self.missing.iter().find(|(missing, _)| missing == name);
                 let diagnostic = match special {
@@ -173,8 +214,9 @@ impl Fields {
             }
             return default;
         };
+        let value = &self.entries[at].1;
         let outer = reading.setting.replace(name);
-        let read = T::read(&value, reading);
+        let read = T::read(value, reading);
         reading.setting = outer;
         let read = read?;
         if let Some((low, high)) = range
@@ -189,6 +231,13 @@ impl Fields {
     }
 }
 
+/// True if a name is given more than once.
+fn has_repeated(entries: &[(Name, Value)]) -> bool {
+    let mut names: Vec<&str> = entries.iter().map(|(name, _)| name.text.as_str()).collect();
+    names.sort_unstable();
+    names.windows(2).any(|two| two[0] == two[1])
+}
+
 /// A number without the rounding errors of its last digits.
 pub(super) fn rounded(number: f64) -> f64 {
     format!("{number:.11e}").parse().unwrap_or(number)
@@ -197,10 +246,10 @@ pub(super) fn rounded(number: f64) -> f64 {
 /// The fields of a structure value; reports any other value.
 pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Option<Fields> {
     let entries = match &value.shape {
-        Shape::Unit => Vec::new(),
-        Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => fields.clone(),
-        Shape::Tagged(Tagged { body: Body::Bare, .. }) => Vec::new(),
-        Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) if values.is_empty() => Vec::new(),
+        Shape::Unit => Arc::default(),
+        Shape::Tagged(Tagged { body: Body::Fields(fields), .. }) => Arc::clone(fields),
+        Shape::Tagged(Tagged { body: Body::Bare, .. }) => Arc::default(),
+        Shape::Tagged(Tagged { body: Body::Tuple(values), .. }) if values.is_empty() => Arc::default(),
         _ => {
             let expected = Expected::described(format!("the settings of {owner}, like (name: value)"));
             reading.mismatch(value, &expected);

@@ -8,14 +8,15 @@ impl Fields {
     /// the structure is that of all fields, so that missing fields are reported there.
     pub fn nest(&mut self, into: &str, structure: &str, stays: &[&str]) {
         let is_inner = |name: &str| !stays.contains(&name);
-        let (inner, outer) =
-            std::mem::take(&mut self.entries).into_iter().partition(|(name, _)| is_inner(&name.text));
-        self.entries = outer;
+        let (inner, outer): (Vec<_>, Vec<_>) =
+            self.remaining().cloned().partition(|(name, _)| is_inner(&name.text));
+        self.entries = outer.into();
+        self.taken.clear();
         // With an error in one of them, others would only follow from it.
         if self.missing.iter().any(|(name, special)| special.is_none() && is_inner(name)) {
             return self.if_missing(into, None);
         }
-        let structure = Tagged { name: Some(self.name(structure)), body: Body::Fields(inner) };
+        let structure = Tagged { name: Some(self.name(structure)), body: Body::Fields(inner.into()) };
         self.put(into, Shape::Tagged(structure));
     }
 
@@ -27,8 +28,9 @@ impl Fields {
     }
 
     fn put(&mut self, name: &str, shape: Shape) {
-        let span = self.span;
-        self.entries.push((self.name(name), Value { span, shape }));
+        let added = (self.name(name), Value { span: self.span, shape });
+        self.entries = self.remaining().cloned().chain([added]).collect();
+        self.taken.clear();
     }
 
     fn name(&self, text: &str) -> Name {

@@ -233,7 +233,7 @@ fn entry(value: Value, kind: &str) -> Option<(Name, Vec<(Name, Value)>)> {
     };
     let name = tagged.name.filter(|name| name.text == kind)?;
     match tagged.body {
-        Body::Fields(fields) => Some((name, fields)),
+        Body::Fields(fields) => Some((name, fields.to_vec())),
         Body::Tuple(values) if values.is_empty() => Some((name, Vec::new())),
         _ => None,
     }

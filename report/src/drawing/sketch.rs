@@ -189,7 +189,7 @@ const MAX_CHARACTERS: usize = 30;
 
 /// The settings of a node as written in the graph.
 fn settings(node: &Node) -> Vec<String> {
-    let lines = node.written.iter().map(|(name, value)| {
+    let lines = node.written().into_iter().map(|(name, value)| {
         let line = format!("{name}: {value}");
         match line.char_indices().nth(MAX_CHARACTERS) {
             Some((end, _)) => format!("{}\u{2026}", &line[..end]),

@@ -149,7 +149,7 @@ fn with_bystander() -> (Graph, NodeIndex) {
         simulated: false,
         fingerprint: 1,
         live: Vec::new(),
-        written: Vec::new(),
+        given: Arc::default(),
         files: Vec::new(),
     };
     graph.nodes.add_node(bystander);

@@ -260,7 +260,7 @@ impl World {
             simulated: false,
             fingerprint: self.fingerprint,
             live: Vec::new(),
-            written: Vec::new(),
+            given: Arc::default(),
             files: Vec::new(),
         });
         self.nodes.len() - 1
