@@ -59,6 +59,7 @@ use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
 use std::any::Any;
 use std::borrow::Cow;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -356,9 +357,10 @@ impl Graph {
     }
 
     fn devices_of(&self, device_of: fn(&Work) -> Option<usize>) -> impl Iterator<Item = &GraphDevice> {
-        let used = move |device| self.nodes.node_weights().any(|node| device_of(&node.work) == Some(device));
+        let used: HashSet<usize> =
+            self.nodes.node_weights().filter_map(|node| device_of(&node.work)).collect();
         let devices = self.devices.iter().enumerate();
-        devices.filter(move |(device, _)| used(*device)).map(|(_, device)| device)
+        devices.filter(move |(device, _)| used.contains(device)).map(|(_, device)| device)
     }
 
     /// The scripted nodes; a graph that has one runs offline only.
@@ -376,7 +378,8 @@ impl Graph {
 
     /// The settings that can change while the graph runs.
     pub fn live_settings(&self) -> Vec<LiveSetting> {
-        let mut found = Vec::new();
+        let count = self.nodes.node_weights().map(|node| node.live.len()).sum();
+        let mut found = Vec::with_capacity(count);
         for (index, node) in self.nodes.node_indices().zip(self.nodes.node_weights()) {
             let specs = node.entry.specs();
             found.extend(node.live.iter().filter_map(|(setting, value)| {

@@ -14,7 +14,7 @@ use crate::io::{Form, LINE, Placing};
 use crate::node::Stream;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Key of a bridge, for sharing between readers.
@@ -40,10 +40,14 @@ struct Builder<'a> {
     sinks_left: Vec<usize>,
     /// The nodes that depend on each live input.
     reaches: Vec<Reach>,
+    /// Demands that steps of the present group need.
+    needed: Vec<usize>,
 }
 
 #[derive(Default, Clone)]
 struct DevicePorts {
+    /// The step of the first source, which fills all of them.
+    read_step: Option<usize>,
     reads: Vec<(Port, usize)>,
     writes: Vec<(Port, usize)>,
 }
@@ -130,21 +134,23 @@ impl<'a> Builder<'a> {
         Self {
             graph,
             plan: unfilled(graph, driver, options),
-            steps: Vec::new(),
+            steps: Vec::with_capacity(graph.nodes.node_count()),
             device_ports: vec![DevicePorts::default(); graph.devices.len()],
-            demands: Vec::new(),
-            readers: Vec::new(),
+            demands: Vec::with_capacity(graph.nodes.node_count()),
+            readers: Vec::with_capacity(graph.nodes.node_count()),
             ports: vec![Vec::new(); graph.nodes.node_count()],
             crossings: HashMap::new(),
             loops: HashMap::new(),
             rings: HashMap::new(),
             sinks_left,
             reaches: graph.reaches_of_inputs(),
+            needed: Vec::new(),
         }
     }
 
     fn group(&mut self, group: &Group, number: usize) {
-        let before = self.steps.len();
+        let (step, demand) = (self.steps.len(), self.demands.len());
+        self.needed.clear();
         if group.pacing.is_empty() {
             self.node(group.members[0], OUTSIDE);
             return;
@@ -167,32 +173,28 @@ impl<'a> Builder<'a> {
         for edge in &delays {
             self.delay_write(*edge);
         }
-        self.close_island(before);
+        self.close_island(step, demand);
     }
 
     /// Sets the island's length and keeps its buffers alive throughout: its steps run many times a block.
-    fn close_island(&mut self, begin: usize) {
+    fn close_island(&mut self, begin: usize, first_demand: usize) {
         let end = self.steps.len() - 1;
         if let StepWork::Island { steps, .. } = &mut self.steps[begin].work {
             *steps = (end - begin) as u32;
         }
-        for demand in &mut self.demands {
-            if demand.from >= begin {
-                demand.from = begin;
-                demand.to = demand.to.max(end);
-            } else if demand.to >= begin {
-                demand.to = end;
-            }
+        for demand in &mut self.demands[first_demand..] {
+            (demand.from, demand.to) = (begin, end);
+        }
+        for demand in self.needed.drain(..) {
+            self.demands[demand].to = end;
         }
     }
 
     fn loop_delays(&self, group: &Group) -> Vec<EdgeIndex> {
-        let inside = |node: NodeIndex| group.members.contains(&node);
-        let edges = self.graph.nodes.edge_references();
+        let inside: HashSet<NodeIndex> = group.members.iter().copied().collect();
+        let edges = group.members.iter().flat_map(|member| self.graph.nodes.edges(*member));
         let mut delays: Vec<_> = edges
-            .filter(|edge| {
-                delay_frames(edge.weight()).is_some() && inside(edge.source()) && inside(edge.target())
-            })
+            .filter(|edge| delay_frames(edge.weight()).is_some() && inside.contains(&edge.target()))
             .collect();
         delays.sort_by_key(|edge| (&self.graph.nodes[edge.target()].path, edge.weight().input));
         delays.into_iter().map(|edge| edge.id()).collect()
@@ -208,7 +210,7 @@ impl<'a> Builder<'a> {
         let width = self.plan.delays[delay as usize].kind.width();
         let label = format!("delayed {}", self.port_name(from, weight.output));
         let step = self.step(StepWork::DelayRead(delay), clock, to, label);
-        let ports = self.allot(step, clock, &[width]);
+        let ports = self.allot(step, clock, [width].into_iter());
         self.loops.insert(edge, (delay, ports[0]));
     }
 
@@ -244,7 +246,7 @@ impl<'a> Builder<'a> {
         let Some(clock) = node.clock else { return };
         let path: Arc<str> = node.path.as_str().into();
         let inputs = self.inputs(index, group);
-        let widths: Vec<usize> = node.outputs.iter().map(|output| output.kind.width()).collect();
+        let widths = node.outputs.iter().map(|output| output.kind.width());
         let work = match &node.work {
             Work::Process(processor) => {
                 self.plan.processors.push(processor.boxed_clone());
@@ -265,7 +267,7 @@ impl<'a> Builder<'a> {
                     path: node.path.clone(),
                     gain: *gain,
                     limit: *limit,
-                    width: widths.first().copied().unwrap_or(0),
+                    width: widths.clone().next().unwrap_or(0),
                     rate: graph.clocks[clock].rate,
                     simulated: graph.devices[*device].entry.spec.simulated,
                 });
@@ -274,24 +276,22 @@ impl<'a> Builder<'a> {
             Work::Source { device, .. } => StepWork::DeviceRead(*device as u32),
             Work::File(_) => return,
         };
-        let first_source =
-            node.work.source_device().is_none_or(|device| self.device_ports[device].reads.is_empty());
-        let step = match first_source {
-            true => self.step(work, clock, index, path),
-            // All sources of a device are filled by the step of the first one.
-            false => self.source_step(&node.work),
+        let device = node.work.source_device();
+        let step = match device.and_then(|device| self.device_ports[device].read_step) {
+            Some(step) => step,
+            None => self.step(work, clock, index, path),
         };
-        for (port, form) in inputs {
-            self.bind(step, port, form);
+        if let Some(device) = device {
+            self.device_ports[device].read_step = Some(step);
         }
-        let ports = self.allot(step, clock, &widths);
+        inputs.iter().for_each(|(port, form)| self.need(step, port, *form));
+        match self.steps[step].inputs.is_empty() {
+            true => self.steps[step].inputs = inputs,
+            false => self.steps[step].inputs.extend(inputs),
+        }
+        let ports = self.allot(step, clock, widths);
         self.bind_device(&node.work, &ports, index, clock);
         self.ports[index.index()] = ports;
-    }
-
-    fn source_step(&self, work: &Work) -> usize {
-        let wanted = work.source_device().map(|device| StepWork::DeviceRead(device as u32));
-        self.steps.iter().position(|step| Some(step.work) == wanted).unwrap_or(0)
     }
 
     /// Connects the ports of sources and sinks to their device; the last sink is followed by the write.
@@ -312,8 +312,9 @@ impl<'a> Builder<'a> {
                 if self.sinks_left[*device] == 0 {
                     let label = format!("drive {}", self.plan.devices[*device].name);
                     let step = self.step(StepWork::DeviceWrite(*device as u32), clock, index, label);
-                    for (port, _) in &self.device_ports[*device].writes {
-                        self.demands[port.demand].to = step;
+                    for place in 0..self.device_ports[*device].writes.len() {
+                        let (port, _) = self.device_ports[*device].writes[place];
+                        self.need(step, &port, Form::Sampled);
                     }
                 }
             }
@@ -406,7 +407,7 @@ impl<'a> Builder<'a> {
             let len = 1 + (max_from.min(max_to) + 2) * (width + 1);
             return self.allot_len(step, clock, width, len);
         }
-        self.allot(step, clock, &[width])[0]
+        self.allot(step, clock, [width].into_iter())[0]
     }
 
     fn step(&mut self, work: StepWork, clock: usize, node: NodeIndex, label: impl Into<Arc<str>>) -> usize {
@@ -424,41 +425,52 @@ impl<'a> Builder<'a> {
 
     /// Adds an input to a step.
     fn bind(&mut self, step: usize, port: Port, form: Form) {
-        if form != Form::Absent {
-            self.demands[port.demand].to = self.demands[port.demand].to.max(step);
-            let reader = &mut self.readers[port.demand];
-            *reader = Some(if reader.is_none_or(|known| known == step) { step } else { MANY });
-        }
+        self.need(step, &port, form);
         self.steps[step].inputs.push((port, form));
     }
 
+    /// Keeps the buffer of a port up to a step.
+    fn need(&mut self, step: usize, port: &Port, form: Form) {
+        if form != Form::Absent {
+            self.demands[port.demand].to = self.demands[port.demand].to.max(step);
+            self.needed.push(port.demand);
+            let reader = &mut self.readers[port.demand];
+            *reader = Some(if reader.is_none_or(|known| known == step) { step } else { MANY });
+        }
+    }
+
     /// Places the outputs of a step one after the other in a buffer of its own.
-    fn allot(&mut self, step: usize, clock: usize, widths: &[usize]) -> Vec<Port> {
+    fn allot(
+        &mut self,
+        step: usize,
+        clock: usize,
+        widths: impl ExactSizeIterator<Item = usize>,
+    ) -> Vec<Port> {
         let frames = self.most_frames(clock);
         self.place(step, clock, widths, |width| (width * frames).next_multiple_of(LINE))
     }
 
     fn allot_len(&mut self, step: usize, clock: usize, width: usize, len: usize) -> Port {
-        self.place(step, clock, &[width], |_| len)[0]
+        self.place(step, clock, [width].into_iter(), |_| len)[0]
     }
 
     fn place(
         &mut self,
         step: usize,
         clock: usize,
-        widths: &[usize],
+        widths: impl ExactSizeIterator<Item = usize>,
         len_of: impl Fn(usize) -> usize,
     ) -> Vec<Port> {
-        if widths.is_empty() {
+        if widths.len() == 0 {
             return Vec::new();
         }
         let demand = self.demands.len();
         let mut start = 0;
         let mut ports = Vec::with_capacity(widths.len());
         for width in widths {
-            let placing = Placing { start: start as u32, width: *width as u32 };
+            let placing = Placing { start: start as u32, width: width as u32 };
             ports.push(Port { demand, placing, clock: clock as u32 });
-            start += len_of(*width);
+            start += len_of(width);
         }
         self.demands.push(Demand { len: start, from: step, to: step });
         self.readers.push(None);

@@ -1,6 +1,6 @@
 //! The order in which nodes run, and the islands that run in sub-windows.
 
-use crate::graph::{Bridge, Edge, Graph, Work};
+use crate::graph::{Bridge, Edge, Graph};
 use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::EdgeRef;
@@ -67,15 +67,17 @@ fn with_device_links(graph: &Graph) -> DiGraph<NodeIndex, ()> {
             links.add_edge(edge.source(), edge.target(), ());
         }
     }
-    for device in 0..graph.devices.len() {
-        let bound = |wanted: fn(&Work) -> Option<usize>| {
-            graph.nodes.node_indices().filter(move |node| wanted(&graph.nodes[*node].work) == Some(device))
-        };
-        for source in bound(Work::source_device) {
-            for sink in bound(Work::sink_device) {
-                links.add_edge(sink, source, ());
-                links.add_edge(source, sink, ());
-            }
+    let mut bound = vec![(Vec::new(), Vec::new()); graph.devices.len()];
+    for node in graph.nodes.node_indices() {
+        let work = &graph.nodes[node].work;
+        work.source_device().into_iter().for_each(|device| bound[device].0.push(node));
+        work.sink_device().into_iter().for_each(|device| bound[device].1.push(node));
+    }
+    for (sources, sinks) in bound {
+        for (source, sink) in sources.iter().flat_map(|source| sinks.iter().map(move |sink| (*source, *sink)))
+        {
+            links.add_edge(sink, source, ());
+            links.add_edge(source, sink, ());
         }
     }
     links

@@ -19,7 +19,7 @@ impl Builder<'_> {
                 self.plan.ring_reads.push(plan);
                 let work = StepWork::RingRead(self.plan.ring_reads.len() as u32 - 1);
                 let step = self.step(work, clock, *member, label);
-                let ports = self.allot(step, clock, &[width]);
+                let ports = self.allot(step, clock, [width].into_iter());
                 self.rings.insert(edge, ports[0]);
             }
         }
