@@ -18,7 +18,7 @@ const MAX_INCLUDE_DEPTH: usize = 32;
 
 pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagnostics> {
     match files::read_text(path, options.max_bytes) {
-        Ok(text) => self::text(path, &text, options),
+        Ok(text) => self::text(path, text.into(), options),
         Err(error) => {
             let diagnostic = Diagnostic::error(
                 "E0108",
@@ -35,10 +35,10 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
     }
 }
 
-pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Document, Diagnostics> {
+pub(super) fn text(path: &Path, text: Arc<str>, options: &LoadOptions) -> Result<Document, Diagnostics> {
     let (mut sources, mut list) = (Sources::default(), Vec::new());
-    let id = sources.add(path.to_path_buf(), Arc::from(text));
-    match ron_text::read(id, text, &mut list) {
+    let id = sources.add(path.to_path_buf(), Arc::clone(&text));
+    match ron_text::read(id, &text, &mut list) {
         Some(value) => self::value(sources, value, options),
         None => Err(Diagnostics { sources, list }),
     }
@@ -272,11 +272,12 @@ impl Loader {
             }
         };
         if are_distinct_names(&pairs) {
-            let name = |(key, value): (Value, Value)| match key.shape {
+            let mut entries = Vec::with_capacity(pairs.len());
+            entries.extend(pairs.into_iter().filter_map(|(key, value)| match key.shape {
                 Shape::String(text) => Some((Name { span: key.span, text }, value)),
                 _ => None,
-            };
-            return pairs.into_iter().filter_map(name).collect();
+            }));
+            return entries;
         }
         let mut seen: HashMap<String, Span> = HashMap::with_capacity(pairs.len());
         let mut entries = Vec::with_capacity(pairs.len());

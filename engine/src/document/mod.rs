@@ -80,7 +80,7 @@ impl Document {
     /// # Errors
     /// As [`Document::load`].
     pub fn parse(name: impl AsRef<Path>, text: &str) -> Result<Self, Diagnostics> {
-        load::text(name.as_ref(), text, &LoadOptions::default())
+        load::text(name.as_ref(), text.into(), &LoadOptions::default())
     }
 
     /// The document with the parts of `library`, (name, text), that it includes.

@@ -13,6 +13,8 @@ use tokens::{Lexeme, Token};
 
 /// Deeper nesting of brackets is refused, so that no file can overflow the stack.
 pub(super) const MAX_DEPTH: usize = 64;
+/// Largest number of items for which memory is reserved before they are read: most of them may be wrong.
+const MAX_RESERVED: usize = 1 << 16;
 /// Number of syntax errors after which the parser stops.
 const MAX_ERRORS: usize = 20;
 
@@ -250,10 +252,22 @@ impl Reader<'_> {
         false
     }
 
+    /// The number of items in the present brackets, if nothing is wrong in them.
+    fn count(&self, close: usize) -> usize {
+        let mut at = self.at + 1;
+        let mut count = usize::from(at < close && self.lexemes[close - 1].token != Token::Comma);
+        while at < close {
+            let token = self.lexemes[at].token;
+            count += usize::from(token == Token::Comma);
+            at = if token == Token::Open { self.partners[at] + 1 } else { at + 1 };
+        }
+        count
+    }
+
     /// Items separated by commas, from the opening bracket at hand to just past its closing one.
     fn items<T>(&mut self, close: usize, mut item: impl FnMut(&mut Self) -> Option<T>) -> Vec<T> {
         let closing = &self.text[self.lexemes[close].start..self.lexemes[close].end];
-        let mut items = Vec::new();
+        let mut items = Vec::with_capacity(self.count(close).min(MAX_RESERVED));
         self.at += 1;
         while self.at < close {
             if self.diagnostics.len() >= MAX_ERRORS {

@@ -3,8 +3,8 @@
 use super::attach::Attached;
 use super::build::Built;
 use super::context::Context;
+use super::declared::{Connected, Slot};
 use super::live::{self, LiveValue};
-use super::wires::{Connected, Slot};
 use super::{Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
 use crate::device::BuiltDevice;
 use crate::diagnostic::Diagnostic;
@@ -110,8 +110,10 @@ fn within_the_device(work: &mut Work, node: &Connected, devices: &[GraphDevice])
 
 /// The live settings of a node with their values or defaults, each number of a list by itself.
 fn live_values(node: &Connected) -> Vec<(SettingId, f64)> {
-    let mut found = Vec::new();
-    for (place, spec) in node.entry.specs().iter().enumerate().filter(|(_, spec)| spec.live) {
+    let specs = node.entry.specs();
+    let live = specs.iter().enumerate().filter(|(_, spec)| spec.live);
+    let mut found = Vec::with_capacity(live.clone().count());
+    for (place, spec) in live {
         let setting = SettingId::at(place);
         match live::value(&node.fields, spec) {
             Some(LiveValue::Number(number)) => found.push((setting, number)),
@@ -147,12 +149,13 @@ fn input(graph: &Attached, node: &Connected, slot: &Slot) -> Input {
 fn outputs(graph: &Attached, node: usize) -> Option<Vec<Output>> {
     let (node, types) = (&graph.nodes[node], &graph.types[node]);
     let family = node.entry.spec.family();
-    let output = |(place, carried): (usize, &super::types::Type)| {
+    let mut outputs = Vec::with_capacity(types.len());
+    for (place, carried) in types.iter().enumerate() {
         let name = match family.is_some_and(|family| place >= family) {
             true => node.port_name(place)?.to_owned().into(),
             false => node.entry.spec.output(place)?.name.into(),
         };
-        Some(Output { name, kind: carried.kind?, quantity: carried.quantity? })
-    };
-    types.iter().enumerate().map(output).collect()
+        outputs.push(Output { name, kind: carried.kind?, quantity: carried.quantity? });
+    }
+    Some(outputs)
 }

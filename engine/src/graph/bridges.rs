@@ -1,10 +1,9 @@
 //! Check of bridges, which a connection between clocks needs: the sixth form of a graph.
 
 use super::Bridge;
-use super::connection::Wire;
 use super::context::Context;
+use super::declared::{Connected, Slot, Wire};
 use super::types::Typed;
-use super::wires::{Connected, Slot};
 use crate::bridges::{Crossing, End};
 use crate::diagnostic::Diagnostic;
 use std::ops::Deref;

@@ -4,11 +4,11 @@ use super::Work;
 use super::attach::{Attached, Attachment};
 use super::clocks::Clocks;
 use super::context::Context;
+use super::declared::Connected;
 use super::devices::Device;
 use super::findings::Places;
 use super::memory::{self, Memory};
 use super::types::missing_quantities;
-use super::wires::Connected;
 use crate::device::{BuiltDevice, Channel};
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
@@ -45,7 +45,8 @@ pub(super) fn build(cx: &mut Context<'_>, graph: Attached, seed: u64) -> Built {
     let mut memory = Memory::default();
     memory.connections(cx, &graph);
     let mut builder = Builder { graph: &graph, simulated: &simulated, memory, seed };
-    let (mut files, mut works) = (Vec::new(), Vec::new());
+    let count = graph.nodes.len();
+    let (mut files, mut works) = (Vec::with_capacity(count), Vec::with_capacity(count));
     for node in 0..graph.nodes.len() {
         cx.files.clear();
         works.push(builder.work(cx, node));
@@ -239,7 +240,7 @@ impl Builder<'_> {
 
     /// The signals that arrive at a node.
     fn streams(&self, node: usize) -> Option<Vec<Stream>> {
-        let stream = |(_, wire): (usize, &super::connection::Wire)| {
+        let stream = |(_, wire): (usize, &super::declared::Wire)| {
             let carried = self.graph.carried(wire);
             Some(Stream {
                 name: self.graph.source_name(wire),

@@ -9,7 +9,7 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::settings::{Expected, Form, Setting};
 use haptograph_signal::time::{Rate, RateError, TimeBase};
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::ops::Deref;
 
 /// The clocks of a graph.
@@ -385,11 +385,9 @@ fn report_unknown(cx: &mut Context<'_>, graph: &Clocked) {
 /// Reports unused clocks.
 pub(super) fn warn_unused(cx: &mut Context<'_>, graph: &Clocked) {
     let clocks = &graph.clocks.list;
-    let used = |index: usize| {
-        let mut used = graph.clock_of.iter().flatten();
-        used.any(|clock| *clock == index || clocks[*clock].driver == index)
-    };
-    for clock in (0..clocks.len()).filter(|clock| !used(*clock)).map(|clock| &clocks[clock]) {
+    let used = graph.clock_of.iter().flatten();
+    let used: HashSet<usize> = used.flat_map(|clock| [*clock, clocks[*clock].driver]).collect();
+    for clock in (0..clocks.len()).filter(|clock| !used.contains(clock)).map(|clock| &clocks[clock]) {
         let declared = cx.document.clocks.iter().find(|(name, _)| name.text == clock.name);
         if let Some((name, _)) = declared {
             let message = format!("clock `{}` is never used", clock.name);

@@ -2,7 +2,7 @@
 
 use super::Bridge;
 use super::context::{Context, Entries};
-use super::declared::Target;
+use super::declared::{Target, Wire};
 use super::expand::Expanded;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
@@ -19,40 +19,6 @@ const MAX_HANDED_ON: usize = 200;
 
 const WRITE_DELAY: &str = "write `Delay(from: \"node.output\", frames: 1)`";
 const WRITE_RING: &str = "write `Ring(from: \"node.output\", latency_ms: 10)`";
-
-/// A connection, resolved through inputs and outputs of templates to its source node.
-#[derive(Debug, Clone)]
-pub(super) struct Wire {
-    pub from: usize,
-    pub output: usize,
-    pub bridge: Option<(Bridge, Span)>,
-    /// True if the bridge is inside a template, which can be used with any clocks.
-    pub general: bool,
-    /// Place of the connection.
-    pub span: Span,
-    /// Place where a template passes it on.
-    via: Option<Span>,
-}
-
-impl Wire {
-    /// Adds the place where a template passes the connection on.
-    pub(super) fn via(&self, diagnostic: Diagnostic) -> Diagnostic {
-        match self.via {
-            Some(span) if span != self.span => diagnostic.also(span, "passed on here"),
-            _ => diagnostic,
-        }
-    }
-
-    /// True if a loop through the connection has no declared delay.
-    pub(super) fn is_immediate(&self) -> bool {
-        !matches!(self.bridge, Some((Bridge::Delay { .. } | Bridge::Ring { .. }, _)))
-    }
-
-    /// True if both ends are on one clock.
-    pub(super) fn keeps_clock(&self) -> bool {
-        matches!(self.bridge, None | Some((Bridge::Delay { .. }, _)))
-    }
-}
 
 /// Where a connection stands: its scope, and the number of templates that hand it on.
 #[derive(Clone, Copy)]

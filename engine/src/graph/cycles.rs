@@ -1,7 +1,7 @@
 //! Feedback: every loop needs a declared delay.
 
-use super::connection::Wire;
 use super::context::Context;
+use super::declared::Wire;
 use super::devices::Bound;
 use crate::diagnostic::Diagnostic;
 use petgraph::algo::kosaraju_scc;

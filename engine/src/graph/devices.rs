@@ -1,14 +1,15 @@
 //! Devices of the selected endpoints, and the nodes that read and drive them: the third form of a graph.
 
 use super::context::{Context, Entries};
+use super::declared::Connected;
 use super::options::{CheckOptions, Hosted};
 use super::values::{Parameters, Place};
-use super::wires::{Connected, Wired};
+use super::wires::Wired;
 use crate::device::{Channel, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Name, Value};
 use crate::settings::{Fields, Setting};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Deref;
 
 /// A device as declared.
@@ -189,8 +190,9 @@ fn fits(node: &Connected, device: &Device) -> bool {
 
 /// Reports devices that no node is bound to.
 pub(super) fn warn_unused(cx: &mut Context<'_>, graph: &Bound) {
+    let used: HashSet<usize> = graph.device_of.iter().flatten().copied().collect();
     for (index, device) in graph.devices.list.iter().enumerate() {
-        if !graph.device_of.contains(&Some(index)) {
+        if !used.contains(&index) {
             let message = format!("device `{}` is never used", device.name);
             cx.report(
                 Diagnostic::warning("W0104", device.span, message)

@@ -1,7 +1,7 @@
 //! Expansion of templates into nodes.
 
 use super::context::{Context, Entries};
-use super::declared::{Declared, Scope, Target};
+use super::declared::{Connected, Declared, Scope, Target};
 use super::members;
 use super::values::{Parameters, Place, is_replaced};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
@@ -19,7 +19,7 @@ const MAX_NESTING: usize = 64;
 
 /// All nodes, templates expanded: the first form of a graph.
 pub(super) struct Expanded {
-    pub nodes: Vec<Declared>,
+    pub nodes: Vec<Connected>,
     /// The graph itself first, then every use of a template.
     pub scopes: Vec<Scope>,
 }
@@ -176,7 +176,7 @@ impl Expansion<'_> {
             cx.diagnostics.truncate(before);
         }
         cx.explain_node(before, &node);
-        self.graph.nodes.push(node);
+        self.graph.nodes.push(node.into());
         Target::Node(self.graph.nodes.len() - 1)
     }
 

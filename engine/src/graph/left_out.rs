@@ -1,10 +1,9 @@
 //! Nodes left out by `only`, and the nodes that depend on them.
 
 use super::NodeId;
-use super::connection::Wire;
 use super::context::Context;
-use super::declared::{Declared, Target};
-use super::wires::{Connected, Wired};
+use super::declared::{Connected, Declared, Target, Wire};
+use super::wires::Wired;
 use crate::diagnostic::Diagnostic;
 
 /// Removes the nodes that are left out and the nodes that read them. A file sink keeps the remaining inputs of a list.

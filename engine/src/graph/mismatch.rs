@@ -1,9 +1,8 @@
 //! Kinds and quantities: check of inputs.
 
-use super::connection::Wire;
 use super::context::Context;
+use super::declared::{Connected, Slot, Wire};
 use super::types::{Type, Typed};
-use super::wires::{Connected, Slot};
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
 use crate::node::{InputSpec, KindRule, Presence, QuantityRule};

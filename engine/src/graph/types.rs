@@ -1,9 +1,9 @@
 //! Kinds and quantities: inference for outputs, and the fifth form of a graph.
 
 use super::clocks::Clocked;
-use super::connection::Wire;
 use super::context::Context;
-use super::wires::{Connected, Readers, Slot};
+use super::declared::{Connected, Slot, Wire};
+use super::wires::Readers;
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Shape, Value};
 use crate::frame::Kind;

@@ -1,15 +1,14 @@
 //! Inputs and their connections: the second form of a graph.
 
-use super::connection::{At, Wire, resolve};
+use super::connection::{At, resolve};
 use super::context::Context;
-use super::declared::{Declared, Scope};
+use super::declared::{Connected, Declared, Scope, Slot, Wire};
 use super::expand::{Expanded, missing_input};
 use super::given::{self, Given};
 use super::{NodeId, TemplateOutput};
-use crate::diagnostic::Span;
 use crate::document::value::{Name, Shape, Value};
-use crate::node::Presence;
-use std::ops::{Deref, Index};
+use crate::node::{InputSpec, Presence};
+use std::ops::Index;
 
 /// All nodes with their connections.
 pub(super) struct Wired {
@@ -17,73 +16,6 @@ pub(super) struct Wired {
     pub scopes: Vec<Scope>,
     /// The outputs of nodes to which the outputs of templates lead.
     pub template_outputs: Vec<TemplateOutput>,
-}
-
-/// A node with its connections.
-pub(super) struct Connected {
-    node: Declared,
-    pub inputs: Vec<Slot>,
-    /// Its device and its clock, as written.
-    pub endpoint: Option<Value>,
-    pub clock: Option<Value>,
-}
-
-/// An input of the processor; each connection of a port that takes several is one.
-pub(super) struct Slot {
-    /// Index of the input in the spec.
-    pub port: usize,
-    /// Name of the connection in a map.
-    pub name: Option<Name>,
-    /// `None` if it is not connected, or an error of it was reported.
-    pub wire: Option<Wire>,
-    /// True if an error of it was reported.
-    pub broken: bool,
-}
-
-impl Deref for Connected {
-    type Target = Declared;
-
-    fn deref(&self) -> &Declared {
-        &self.node
-    }
-}
-
-impl Connected {
-    /// True if an input of it has a reported error.
-    pub(super) fn has_broken_input(&self) -> bool {
-        self.inputs.iter().any(|slot| slot.broken)
-    }
-
-    /// The connections, with the index of each slot.
-    pub(super) fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
-        let slots = self.inputs.iter().enumerate();
-        slots.filter_map(|(i, slot)| Some((i, slot.wire.as_ref()?)))
-    }
-
-    /// Slots of the input called `name`.
-    pub(super) fn slots_of(&self, name: &str) -> impl Iterator<Item = &Slot> {
-        let spec = self.entry.spec;
-        self.inputs.iter().filter(move |slot| spec.inputs[slot.port].name == name)
-    }
-
-    /// True if the slot is a connection of a list or map.
-    pub(super) fn is_many(&self, slot: &Slot) -> bool {
-        self.entry.spec.inputs[slot.port].presence.is_several()
-    }
-
-    /// Name of the port of each connection, place of the connection, and that of its name.
-    pub(super) fn places(&self) -> impl Iterator<Item = (&'static str, Span, Span)> {
-        self.wires().map(|(slot, wire)| {
-            let slot = &self.inputs[slot];
-            let name = slot.name.as_ref().map_or(wire.span, |name| name.span);
-            (self.entry.spec.inputs[slot.port].name, wire.span, name)
-        })
-    }
-
-    /// The names that tell its connections apart.
-    pub(super) fn connection_names(&self) -> Vec<String> {
-        self.inputs.iter().filter_map(|slot| Some(slot.name.as_ref()?.text.clone())).collect()
-    }
 }
 
 impl Wired {
@@ -130,47 +62,39 @@ impl Index<usize> for Readers {
     }
 }
 
-/// Fields of a node as written.
-struct Written {
-    /// By index of the input.
-    inputs: Vec<Option<Value>>,
-    endpoint: Option<Value>,
-    clock: Option<Value>,
-}
-
-/// Takes the fields of a node that are no settings.
-fn take_fields(node: &mut Declared) -> Written {
+/// Takes the field of an input.
+fn take_input(node: &mut Declared, input: &InputSpec) -> Option<Value> {
     let Declared { entry, fields, .. } = node;
-    let inputs = entry.spec.inputs.iter().map(|input| {
-        let given = fields.take(input.name);
-        if given.is_none() && input.presence != Presence::Optional && !fields.is_reported(input.name) {
-            let kind = Name { span: fields.span, text: entry.spec.name.to_owned() };
-            fields.miss(input.name, missing_input(&kind, input.name, input.presence));
-        }
-        given
-    });
-    Written {
-        inputs: inputs.collect(),
-        endpoint: entry.has_endpoint().then(|| node.fields.take("endpoint")).flatten(),
-        clock: node.fields.take("clock"),
+    let given = fields.take(input.name);
+    if given.is_none() && input.presence != Presence::Optional && !fields.is_reported(input.name) {
+        let kind = Name { span: fields.span, text: entry.spec.name.to_owned() };
+        fields.miss(input.name, missing_input(&kind, input.name, input.presence));
     }
+    given
 }
 
-/// Resolves every input of every node.
+/// Resolves every input of every node, and takes the other fields that are no settings.
 pub(super) fn connect(cx: &mut Context<'_>, mut graph: Expanded) -> Wired {
-    let written: Vec<Written> = graph.nodes.iter_mut().map(take_fields).collect();
-    let connected = graph.nodes.iter().zip(written).map(|(node, written)| {
-        let slots = written.inputs.into_iter().enumerate();
-        let inputs =
-            slots.flat_map(|(port, given)| slots_of(cx, &graph, node, port, given)).collect::<Vec<Slot>>();
-        (inputs, written.endpoint, written.clock)
-    });
-    let connected: Vec<_> = connected.collect();
+    for index in 0..graph.nodes.len() {
+        let entry = graph.nodes[index].entry;
+        let mut inputs = Vec::new();
+        for (port, input) in entry.spec.inputs.iter().enumerate() {
+            let given = take_input(&mut graph.nodes[index].node, input);
+            let mut slots = slots_of(cx, &graph, &graph.nodes[index], port, given);
+            match inputs.is_empty() {
+                true => inputs = slots,
+                false => inputs.append(&mut slots),
+            }
+        }
+        let node = &mut graph.nodes[index];
+        node.inputs = inputs;
+        node.endpoint =
+            entry.has_endpoint().then(|| node.node.fields.take("endpoint")).flatten().map(Box::new);
+        node.clock = node.node.fields.take("clock").map(Box::new);
+    }
     let template_outputs = template_outputs(cx, &graph);
     let Expanded { nodes, scopes } = graph;
-    let nodes = nodes.into_iter().zip(connected);
-    let nodes = nodes.map(|(node, (inputs, endpoint, clock))| Connected { node, inputs, endpoint, clock });
-    Wired { nodes: nodes.collect(), scopes, template_outputs }
+    Wired { nodes, scopes, template_outputs }
 }
 
 /// The slots of an input.
@@ -203,7 +127,7 @@ fn slots_of(
         {
             found.help = vec![format!("did you mean `{}: {number}`?", setting.name)];
         }
-        Slot { port, name, broken: wire.is_none(), wire }
+        Slot { port, name: name.map(Box::new), broken: wire.is_none(), wire }
     };
     given.into_iter().map(slot).collect()
 }
