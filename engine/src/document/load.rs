@@ -2,7 +2,7 @@
 
 use super::value::{Body, Name, Shape, Tagged, Value};
 use super::{Document, LoadOptions, Template, folder, text as ron_text};
-use crate::diagnostic::{Diagnostic, Diagnostics, SourceId, Sources, Span};
+use crate::diagnostic::{Diagnostic, Diagnostics, MAX_SHOWN, SourceId, Sources, Span};
 use crate::settings::{Expected, Fields, Form, Reading, Setting, closest};
 use haptograph_signal::files::{self, Refusal};
 use std::collections::{HashMap, HashSet};
@@ -120,14 +120,19 @@ struct Loader {
     document: Document,
     /// Files being read, outermost first.
     open: Vec<PathBuf>,
-    /// Files that have been read.
+    /// Files that have been read, and parts of the library.
     loaded: HashSet<PathBuf>,
+    /// The places of the names of the document's templates.
+    templates: HashMap<String, Span>,
 }
 
 impl Loader {
     /// A loader that includes no files.
     fn of(document: Document) -> Self {
-        Self { max_bytes: 0, left_bytes: 0, document, open: Vec::new(), loaded: HashSet::new() }
+        let templates = document.templates.iter().map(|known| (known.name.text.clone(), known.name.span));
+        let templates = templates.collect();
+        let loaded = document.library.iter().map(|known| PathBuf::from(&known.text)).collect();
+        Self { max_bytes: 0, left_bytes: 0, document, open: Vec::new(), loaded, templates }
     }
 
     fn report(&mut self, diagnostic: Diagnostic) {
@@ -317,11 +322,15 @@ impl Loader {
             return;
         };
         for file in files {
+            // What is not shown is not looked for: a list of files that are not there must not take long.
+            if self.document.findings.len() > MAX_SHOWN {
+                return;
+            }
             if let Shape::String(text) = &file.shape
                 && text.starts_with(LIBRARY)
             {
                 let (text, span) = (text.clone(), file.span);
-                if self.document.library.iter().all(|known| known.text != text) {
+                if self.loaded.insert(PathBuf::from(&text)) {
                     self.document.library.push(Name { span, text });
                 }
                 continue;
@@ -380,11 +389,13 @@ impl Loader {
 
     fn templates(&mut self, fields: &mut Fields) {
         for (name, value) in self.entries(fields, "templates", "template") {
-            if let Some(known) = self.document.templates.iter().find(|known| known.name.text == name.text) {
-                self.report(twice(name.span, "template", &name.text, known.name.span));
+            if let Some(known) = self.templates.get(&name.text) {
+                self.report(twice(name.span, "template", &name.text, *known));
                 continue;
             }
+            let (text, span) = (name.text.clone(), name.span);
             if let Some(template) = self.template(name, &value) {
+                self.templates.insert(text, span);
                 self.document.templates.push(template);
             }
         }

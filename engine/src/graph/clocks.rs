@@ -63,8 +63,7 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters) -> Clocks 
         document.clocks.iter().map(|(name, value)| declared(cx, parameters, name, value)).collect();
     let index: HashMap<&str, usize> =
         declared.iter().enumerate().map(|(i, clock)| (clock.name.text.as_str(), i)).collect();
-    let drivers: Vec<Option<usize>> =
-        (0..declared.len()).map(|clock| driver(cx, &declared, &index, clock)).collect();
+    let drivers = drivers(cx, &declared, &index);
     let mut clocks = Clocks::default();
     let mut kept: HashMap<usize, usize> = HashMap::new();
     let mut rate_spans = Vec::new();
@@ -172,50 +171,62 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     }
 }
 
-/// The driver from which a clock derives; `None` after a reported error.
-fn driver(
+/// The driver from which each clock derives; `None` after a reported error.
+fn drivers(
     cx: &mut Context<'_>,
     declared: &[Declared<'_>],
     index: &HashMap<&str, usize>,
-    clock: usize,
-) -> Option<usize> {
-    let mut at = clock;
-    let mut way = vec![clock];
-    loop {
-        if declared[at].broken {
-            return None;
-        }
-        let Some((parent, span)) = &declared[at].of else {
-            return Some(at);
-        };
-        let Some(&next) = index.get(parent.as_str()) else {
-            if at == clock {
-                let message = format!("there is no clock `{parent}`");
-                let diagnostic = Diagnostic::error("E0206", *span, message).label("unknown clock");
-                let known = declared.iter().map(|clock| clock.name.text.as_str());
-                let known = known.filter(|name| *name != declared[clock].name.text);
-                cx.report(cx.suggest(diagnostic, parent, known, "the clocks are", "it is the only clock"));
+) -> Vec<Option<usize>> {
+    // Inside `None` also of those that are being passed.
+    let mut found: Vec<Option<Option<usize>>> = vec![None; declared.len()];
+    let mut circles: HashMap<usize, Vec<usize>> = HashMap::new();
+    for clock in 0..declared.len() {
+        let (mut at, mut way) = (clock, Vec::new());
+        let driver = loop {
+            if let Some(known) = found[at] {
+                if let Some(start) = way.iter().position(|passed| *passed == at) {
+                    // Each circle is reported once, by its first clock in the file.
+                    let mut round = way[start..].to_vec();
+                    let first = (0..round.len()).min_by_key(|place| round[*place]).unwrap_or_default();
+                    round.rotate_left(first);
+                    circles.insert(round[0], round);
+                }
+                break known;
             }
-            return None;
-        };
-        if let Some(start) = way.iter().position(|passed| *passed == next) {
-            // Each circle is reported once, by its first clock in the file.
-            if next == clock && way[start..].iter().min() == Some(&clock) {
-                let mut names: Vec<&str> = way.iter().map(|i| declared[*i].name.text.as_str()).collect();
-                names.push(&declared[clock].name.text);
-                let message = format!("clock `{}` is derived from itself", declared[clock].name.text);
-                let span = declared[clock].of.as_ref().map_or(*span, |(_, span)| *span);
-                cx.report(
-                    Diagnostic::error("E0501", span, message)
-                        .label(names.join(" from "))
-                        .help("every clock leads to a `Driver`, which has a crystal or timer of its own"),
-                );
+            found[at] = Some(None);
+            way.push(at);
+            match &declared[at].of {
+                _ if declared[at].broken => break None,
+                None => break Some(at),
+                Some((parent, _)) => match index.get(parent.as_str()) {
+                    Some(next) => at = *next,
+                    None => break None,
+                },
             }
-            return None;
+        };
+        way.into_iter().for_each(|passed| found[passed] = Some(driver));
+        let Declared { name, of: Some((parent, span)), broken: false, .. } = &declared[clock] else {
+            continue;
+        };
+        if !index.contains_key(parent.as_str()) {
+            let message = format!("there is no clock `{parent}`");
+            let diagnostic = Diagnostic::error("E0206", *span, message).label("unknown clock");
+            let known = declared.iter().map(|clock| clock.name.text.as_str());
+            let known = known.filter(|known| *known != name.text);
+            cx.report(cx.suggest(diagnostic, parent, known, "the clocks are", "it is the only clock"));
         }
-        way.push(next);
-        at = next;
+        if let Some(round) = circles.remove(&clock) {
+            let names = round.iter().chain([&clock]).map(|clock| declared[*clock].name.text.as_str());
+            let names: Vec<&str> = names.collect();
+            let message = format!("clock `{}` is derived from itself", name.text);
+            cx.report(
+                Diagnostic::error("E0501", *span, message)
+                    .label(names.join(" from "))
+                    .help("every clock leads to a `Driver`, which has a crystal or timer of its own"),
+            );
+        }
     }
+    found.into_iter().map(Option::flatten).collect()
 }
 
 fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<TimeBase> {

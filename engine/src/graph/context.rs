@@ -186,7 +186,12 @@ impl<'a> Context<'a> {
             true => known.keys().map(String::as_str).collect(),
             false => Vec::new(),
         };
-        names.sort_unstable();
+        // Those behind them are only counted.
+        let compared = names.len().min(MAX_COMPARED_NAMES);
+        if compared < names.len() {
+            names.select_nth_unstable(compared);
+        }
+        names[..compared].sort_unstable();
         names.into_iter()
     }
 

@@ -1,7 +1,7 @@
 //! The fields of a structure while it is read.
 
 use super::{Expected, Reading, Setting, closest, unknown_choice};
-use crate::diagnostic::{Diagnostic, Span};
+use crate::diagnostic::{Diagnostic, MAX_SHOWN, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use haptograph_signal::units;
 use std::borrow::Cow;
@@ -139,6 +139,11 @@ impl Fields {
         for (name, value) in unknown {
             let message = format!("{} has no field `{}`", self.owner, name.text);
             let diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
+            // What is meant is looked for only where it is shown or takes another finding away.
+            if self.missed.is_empty() && reading.diagnostics.len() >= MAX_SHOWN {
+                reading.diagnostics.push(diagnostic);
+                continue;
+            }
             let (meant, help) = self.meant(&name.text, &value);
             self.missed.retain(|(missed, _)| Some(missed) != meant.as_ref());
             reading.diagnostics.push(diagnostic.help(help));

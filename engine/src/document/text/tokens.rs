@@ -41,7 +41,8 @@ pub(super) struct Lexeme {
 /// All tokens of `text`. Text that is not a token is reported, and replaced by the most likely token.
 pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Lexeme> {
     let lexemes = Vec::with_capacity(text.len() / BYTES_A_TOKEN);
-    let mut scanner = Scanner { source, text, at: 0, lexemes, diagnostics };
+    let most = diagnostics.len() + MAX_FINDINGS;
+    let mut scanner = Scanner { source, text, at: 0, lexemes, diagnostics, most };
     let mut tried = 0;
     while let Some(c) = scanner.rest().chars().next() {
         if "+-*/%^".contains(c) && tried < MAX_TRIED && scanner.is_arithmetic(c) {
@@ -66,6 +67,8 @@ struct Scanner<'a> {
     at: usize,
     lexemes: Vec<Lexeme>,
     diagnostics: &'a mut Vec<Diagnostic>,
+    /// Findings after which no more characters are reported.
+    most: usize,
 }
 
 impl<'a> Scanner<'a> {
@@ -177,8 +180,8 @@ impl<'a> Scanner<'a> {
     fn mistaken(&mut self, c: char) -> (Token, usize) {
         let (rest, own) = (self.rest(), c.len_utf8());
         let until = |close: char| {
-            let line = &rest[own..rest.find('\n').unwrap_or(rest.len())];
-            line.find(close).map_or(own, |i| own + i + close.len_utf8())
+            let end = rest[own..].find([close, '\n']).filter(|end| rest[own + end..].starts_with(close));
+            end.map_or(own, |end| own + end + close.len_utf8())
         };
         let (token, length, help) = match c {
             '\'' => (Token::Mistaken, until('\''), "strings are written in double quotes: \"...\""),
@@ -189,6 +192,9 @@ impl<'a> Scanner<'a> {
             '\u{2212}' | '\u{2013}' => (Token::Mistaken, own, "write the minus sign of the keyboard: `-2`"),
             _ => (Token::Mistaken, own, "remove it"),
         };
+        if self.diagnostics.len() >= self.most {
+            return (token, length);
+        }
         let help = output_of(self.text, self.at).unwrap_or_else(|| help.to_owned());
         let error = Diagnostic::error("E0101", self.span(length), format!("unexpected `{c}`"));
         self.diagnostics.push(error.label("not part of RON").help(help));
@@ -236,6 +242,8 @@ pub(in crate::document) fn is_name(text: &str) -> bool {
     begins && text.chars().all(is_xid_continue) && !["true", "false", "inf", "NaN"].contains(&text)
 }
 
+/// Findings of a file after which no more characters are reported: no file may make this long.
+const MAX_FINDINGS: usize = 1000;
 /// Further comments of another language that are shown.
 const MORE_COMMENTS: usize = 3;
 
