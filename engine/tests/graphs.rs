@@ -346,6 +346,35 @@ fn a_thousand_dry_and_wet_stages_are_checked_planned_and_run() {
     goes_the_whole_way(&at_48_khz(&nodes, "m1000"), 2002);
 }
 
+/// A graph of so many ten thousands of nodes, which a template multiplies.
+fn multiplied(ten_thousands: usize, clock: &str) -> String {
+    let list = |count: usize, item: &dyn Fn(usize) -> String| (0..count).map(item).collect::<String>();
+    let gains = list(100, &|i| format!("\"g{i}\": Gain(input: Input(\"x\"), gain: 1), "));
+    let inner = list(100, &|i| format!("\"i{i}\": Inner(x: Input(\"x\")), "));
+    let outer = list(ten_thousands, &|i| format!("\"o{i}\": Outer(x: \"tone\"), "));
+    format!(
+        "Graph(format: 1, clocks: {{ \"audio\": Driver(rate_hz: 48000), \"slow\": Derived(of: \"audio\", rate_hz: 100) }},
+        templates: {{
+            \"Inner\": Template(inputs: [\"x\"], nodes: {{ {gains} }}, outputs: {{ \"y\": \"g0\" }}),
+            \"Outer\": Template(inputs: [\"x\"], nodes: {{ {inner} }}, outputs: {{ \"y\": \"i0\" }}),
+        }},
+        nodes: {{ \"tone\": Sine(clock: \"{clock}\", frequency_hz: 10), {outer} }})"
+    )
+}
+
+#[test]
+fn the_memory_of_their_buffers_and_a_million_bound_the_nodes_of_templates() {
+    let checked = |text: &str| {
+        let document = Document::parse("many.ron", text).unwrap_or_else(|d| panic!("{d}"));
+        let graph = check(&document, &common::registry(), &CheckOptions::default());
+        graph.map(|graph| graph.nodes().len()).map_err(|wrong| wrong.list[0].code)
+    };
+    assert_eq!(checked(&multiplied(14, "slow")), Ok(140_001));
+    // A buffer of each holds a whole block of the driver's clock.
+    assert_eq!(checked(&multiplied(14, "audio")), Err("E0305"));
+    assert_eq!(checked(&multiplied(100, "slow")), Err("E0702"));
+}
+
 /// Deep chains and wide templates end in a graph or a message, never in a crash.
 #[test]
 fn size_alone_breaks_nothing() {

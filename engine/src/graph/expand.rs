@@ -5,15 +5,16 @@ use super::declared::{Connected, Declared, Scope, Target};
 use super::members;
 use super::values::{Parameters, Place, is_replaced};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
-use crate::document::library;
-use crate::document::value::{Name, Value};
+use crate::document::Document;
+use crate::document::library::{self, LibraryTemplate};
+use crate::document::value::{Name, Shape, Tagged, Value};
 use crate::node::{NodeEntry, Presence};
 use crate::registry::Alias;
 use crate::settings::{Fields, Setting};
 use std::collections::{HashMap, HashSet};
 
 /// Largest number of nodes: nested templates can expand to any number.
-const MAX_NODES: usize = 100_000;
+const MAX_NODES: usize = 1_000_000;
 /// Largest nesting of templates.
 const MAX_NESTING: usize = 64;
 
@@ -32,7 +33,9 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoint
     for entry in cx.registry.nodes() {
         kinds.entry(entry.spec.name).or_insert(*entry);
     }
-    let mut expansion = Expansion { endpoints, kinds, templates: HashMap::new(), parameters, graph };
+    let of_library = None;
+    let mut expansion =
+        Expansion { endpoints, kinds, of_library, templates: HashMap::new(), parameters, graph };
     for (i, template) in document.templates.iter().enumerate() {
         let name = &template.name;
         if cx.registry.node(&name.text).is_some() {
@@ -45,6 +48,7 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoint
         }
         expansion.templates.insert(name.text.clone(), i);
     }
+    expansion.refuse_too_many(cx)?;
     expansion.fill(cx, 0, &document.nodes, &mut Vec::new())?;
     Some(expansion.graph)
 }
@@ -69,6 +73,8 @@ struct Expansion<'a> {
     /// The set of endpoints that is selected.
     endpoints: &'a str,
     kinds: HashMap<&'static str, NodeEntry>,
+    /// The templates of the library, once a message needs them.
+    of_library: Option<Vec<LibraryTemplate>>,
     templates: HashMap<String, usize>,
     parameters: &'a mut Parameters,
     graph: Expanded,
@@ -96,12 +102,7 @@ impl Expansion<'_> {
         self.graph.scopes[scope].names.reserve(nodes.len());
         for (name, value) in nodes {
             if self.graph.nodes.len() >= MAX_NODES || self.graph.scopes.len() >= MAX_NODES {
-                let message = format!("the graph has more than {MAX_NODES} nodes");
-                return cx.fail(
-                    Diagnostic::error("E0702", name.span, message).label("the count is reached here").help(
-                        "templates that use one another multiply the nodes; check how often they are used",
-                    ),
-                );
+                return cx.fail(too_many(name));
             }
             let target = match cx.parts(value, "a node, `Kind(field: value)`") {
                 Some((kind, entries)) => {
@@ -112,6 +113,37 @@ impl Expansion<'_> {
             self.graph.scopes[scope].names.insert(name.text.clone(), target);
         }
         Some(())
+    }
+
+    /// Counts the nodes before any is made, so that a short file that multiplies them is refused at once.
+    fn refuse_too_many(&self, cx: &mut Context<'_>) -> Option<()> {
+        let document = cx.document;
+        let mut counts = vec![None; document.templates.len()];
+        let mut all = 0;
+        for (name, value) in &document.nodes {
+            all = self.count(document, value, &mut counts, 0).saturating_add(all);
+            if all > MAX_NODES {
+                return cx.fail(too_many(name));
+            }
+        }
+        Some(())
+    }
+
+    /// The number of nodes that a node or a use of a template stands for, at least 1; what is refused otherwise counts as 1.
+    fn count(&self, document: &Document, value: &Value, counts: &mut [Option<usize>], depth: usize) -> usize {
+        let Shape::Tagged(Tagged { name: Some(kind), .. }) = &value.shape else { return 1 };
+        let template = self.templates.get(&kind.text).filter(|_| depth < MAX_NESTING);
+        let Some(&template) = template.filter(|_| !self.kinds.contains_key(kind.text.as_str())) else {
+            return 1;
+        };
+        if counts[template].is_none() {
+            // Of a template that uses itself.
+            counts[template] = Some(1);
+            let nodes = document.templates[template].nodes.iter();
+            let each = nodes.map(|(_, value)| self.count(document, value, counts, depth + 1));
+            counts[template] = Some(each.fold(0, usize::saturating_add).max(1));
+        }
+        counts[template].unwrap_or(1)
     }
 
     /// Adds a node or a use of a template; `None` as in [`fill`](Self::fill).
@@ -135,11 +167,28 @@ impl Expansion<'_> {
         Some(match former {
             Some((entry, alias)) => self.node(cx, of, entry, Some(alias)),
             None => {
-                let diagnostic = unknown_kind(cx, of.kind);
+                let diagnostic = self.unknown_kind(cx, of.kind);
                 cx.report(diagnostic);
                 Target::Broken
             }
         })
+    }
+
+    fn unknown_kind(&mut self, cx: &Context<'_>, kind: &Name) -> Diagnostic {
+        let message = format!("there is no kind of node `{}`", kind.text);
+        let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
+        let of_library = self.of_library.get_or_insert_with(|| library::templates(cx.registry.library()));
+        if let Some(known) = of_library.iter().find(|known| known.name == kind.text) {
+            return diagnostic.help(format!(
+                "`{}` is a template of the library: add `include: [\"{}\"]`",
+                kind.text, known.file
+            ));
+        }
+        let kinds = cx.registry.nodes().iter().map(|entry| entry.spec.name);
+        let templates = cx.document.templates.iter().map(|template| template.name.text.as_str());
+        let known = kinds.chain(templates).chain(of_library.iter().map(|known| known.name.as_str()));
+        let near = cx.suggest(diagnostic, &kind.text, known, "there are", "no kinds are registered");
+        near.help("`haptograph nodes` lists all kinds")
     }
 
     fn node(
@@ -262,21 +311,11 @@ impl Expansion<'_> {
     }
 }
 
-fn unknown_kind(cx: &Context<'_>, kind: &Name) -> Diagnostic {
-    let message = format!("there is no kind of node `{}`", kind.text);
-    let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
-    let of_library = library::templates(cx.registry.library());
-    if let Some(known) = of_library.iter().find(|known| known.name == kind.text) {
-        return diagnostic.help(format!(
-            "`{}` is a template of the library: add `include: [\"{}\"]`",
-            kind.text, known.file
-        ));
-    }
-    let kinds = cx.registry.nodes().iter().map(|entry| entry.spec.name);
-    let templates = cx.document.templates.iter().map(|template| template.name.text.as_str());
-    let known = kinds.chain(templates).chain(of_library.iter().map(|known| known.name.as_str()));
-    let near = cx.suggest(diagnostic, &kind.text, known, "there are", "no kinds are registered");
-    near.help("`haptograph nodes` lists all kinds")
+fn too_many(name: &Name) -> Diagnostic {
+    let message = format!("the graph has more than {MAX_NODES} nodes");
+    Diagnostic::error("E0702", name.span, message)
+        .label("the count is reached here")
+        .help("templates that use one another multiply the nodes; check how often they are used")
 }
 
 /// Reports a template that contains itself, and nesting that is too deep; false after a report.
