@@ -29,7 +29,8 @@ pub(super) fn assemble(cx: &mut Context<'_>, built: Built, seed: u64) -> Option<
         })
         .collect();
     let devices: Vec<GraphDevice> = devices.into_iter().flatten().collect();
-    let mut nodes = DiGraph::with_capacity(graph.nodes.len(), graph.nodes.len());
+    let wires = graph.nodes.iter().map(|node| node.wires().count()).sum();
+    let mut nodes = DiGraph::with_capacity(graph.nodes.len(), wires);
     for (index, (work, files)) in works.into_iter().zip(files).enumerate() {
         let node = &graph.nodes[index];
         let mut work = work?;

@@ -9,7 +9,7 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::settings::{Expected, Form, Setting};
 use haptograph_signal::time::{Rate, RateError, TimeBase};
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap, HashSet};
+use std::collections::{BinaryHeap, HashMap};
 use std::ops::Deref;
 
 /// The clocks of a graph.
@@ -396,9 +396,12 @@ fn report_unknown(cx: &mut Context<'_>, graph: &Clocked) {
 /// Reports unused clocks.
 pub(super) fn warn_unused(cx: &mut Context<'_>, graph: &Clocked) {
     let clocks = &graph.clocks.list;
-    let used = graph.clock_of.iter().flatten();
-    let used: HashSet<usize> = used.flat_map(|clock| [*clock, clocks[*clock].driver]).collect();
-    for clock in (0..clocks.len()).filter(|clock| !used.contains(clock)).map(|clock| &clocks[clock]) {
+    let mut used = vec![false; clocks.len()];
+    for clock in graph.clock_of.iter().flatten() {
+        used[*clock] = true;
+        used[clocks[*clock].driver] = true;
+    }
+    for clock in (0..clocks.len()).filter(|clock| !used[*clock]).map(|clock| &clocks[clock]) {
         let declared = cx.document.clocks.iter().find(|(name, _)| name.text == clock.name);
         if let Some((name, _)) = declared {
             let message = format!("clock `{}` is never used", clock.name);

@@ -129,7 +129,7 @@ impl<'a> Context<'a> {
 
     /// The fields of a structure of this kind.
     pub(super) fn fields(&mut self, kind: &Name, entries: Entries) -> Fields {
-        self.reading(|reading| Fields::new(format!("`{}`", kind.text), kind.span, entries, reading))
+        self.reading(|reading| Fields::new(["`", &kind.text, "`"].concat(), kind.span, entries, reading))
     }
 
     /// Name and fields of `Kind(field: value)`; reports any other value.

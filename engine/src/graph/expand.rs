@@ -207,7 +207,7 @@ impl Expansion<'_> {
         let (members, is_refused) = members::of(cx, &entry, &fields);
         let scope = &self.graph.scopes[of.scope];
         let node = Declared {
-            path: format!("{}{}", scope.prefix, of.name.text),
+            path: [scope.prefix.as_str(), &of.name.text].concat(),
             name: of.name.span,
             entry,
             fields,

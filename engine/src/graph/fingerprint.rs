@@ -22,6 +22,8 @@ pub(crate) const VERSION: u64 = 3;
 /// Name of the entry of [`of_graph`] that has the version.
 pub(crate) const VERSION_NAME: &str = "version of these fingerprints";
 
+const FNV_PRIME: u64 = 0x0100_0000_01b3;
+
 /// A 64-bit hash of a sequence of items: FNV-1a over the bytes of each item, preceded by their number; numbers are
 /// eight bytes, little-endian.
 struct Fingerprint(u64);
@@ -32,8 +34,19 @@ impl Fingerprint {
     }
 
     fn bytes(&mut self, bytes: &[u8]) {
-        for byte in (bytes.len() as u64).to_le_bytes().iter().chain(bytes) {
-            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        match u8::try_from(bytes.len()) {
+            // The other bytes of the number are 0, which multiply only.
+            Ok(short) => {
+                self.0 = (self.0 ^ u64::from(short)).wrapping_mul(const { FNV_PRIME.wrapping_pow(8) })
+            }
+            Err(_) => self.add(&(bytes.len() as u64).to_le_bytes()),
+        }
+        self.add(bytes);
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(FNV_PRIME);
         }
     }
 
