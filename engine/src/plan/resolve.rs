@@ -6,7 +6,6 @@ use crate::graph::NodeId;
 use crate::io::{Extent, Form, Placing, ResolvedInput, Wires};
 use crate::node::Law;
 use haptograph_signal::laws::LawStep;
-use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -83,9 +82,7 @@ impl Places {
 
 /// Joins steps: the processors of scalars that need no ports, streaks of processors, and the works of each live setting.
 pub(super) fn join(plan: &mut Plan) {
-    let mut works: HashMap<NodeId, Vec<StepWork>> = HashMap::new();
     for step in &mut plan.steps {
-        works.entry(step.node).or_default().push(step.work);
         if let StepWork::Process(index) = step.work {
             let found = without_ports(&step.wires, plan.processors[index as usize].law());
             step.singles = u32::from(found.is_some());
@@ -95,8 +92,19 @@ pub(super) fn join(plan: &mut Plan) {
     }
     join_streaks(&mut plan.steps);
     plan.chains = chains(&plan.laws);
-    let of = |node| works.get(node).map_or_else(Box::default, |works| works.as_slice().into());
-    plan.live_works = plan.live.iter().map(|live| of(&live.node)).collect();
+    let mut works: Vec<(NodeId, StepWork)> = Vec::new();
+    if !plan.live.is_empty() {
+        works.extend(plan.steps.iter().map(|step| (step.node, step.work)));
+        works.sort_by_key(|(node, _)| *node);
+    }
+    let of = |node: NodeId| {
+        let (begin, end) = (
+            works.partition_point(|(known, _)| *known < node),
+            works.partition_point(|(known, _)| *known <= node),
+        );
+        works[begin..end].iter().map(|(_, work)| *work).collect()
+    };
+    plan.live_works = plan.live.iter().map(|live| of(live.node)).collect();
 }
 
 /// Computes `streak` and `singles` of each step, from the last to the first.
