@@ -4,7 +4,7 @@ mod rings;
 
 use super::order::{Group, delay_frames, order};
 use super::resolve::{self, Places, Port, StepDraft};
-use super::slots::Demand;
+use super::slots::{Demand, MANY};
 use super::{
     ActuatorPlan, BridgePlan, BridgeWork, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
     PlanOptions, StepTime, StepWork, Tap,
@@ -25,8 +25,6 @@ struct Builder<'a> {
     plan: Plan,
     steps: Vec<StepDraft>,
     demands: Vec<Demand>,
-    /// The step that reads each demand; [`MANY`] if several do.
-    readers: Vec<Option<usize>>,
     /// Ports of the sources and sinks of each device, with their channels.
     device_ports: Vec<DevicePorts>,
     /// Ports of each node.
@@ -54,8 +52,6 @@ struct DevicePorts {
 
 /// Port of an input that is not connected.
 const ABSENT: Port = Port { demand: usize::MAX, placing: Placing { start: 0, width: 0 }, clock: 0 };
-/// Reader of a demand that several steps read, or a tap.
-const MANY: usize = usize::MAX;
 /// Group number of nodes outside islands; bridges are shared only within a group.
 const OUTSIDE: usize = usize::MAX;
 
@@ -137,7 +133,6 @@ impl<'a> Builder<'a> {
             steps: Vec::with_capacity(graph.nodes.node_count()),
             device_ports: vec![DevicePorts::default(); graph.devices.len()],
             demands: Vec::with_capacity(graph.nodes.node_count()),
-            readers: Vec::with_capacity(graph.nodes.node_count()),
             ports: vec![Vec::new(); graph.nodes.node_count()],
             crossings: HashMap::new(),
             loops: HashMap::new(),
@@ -432,10 +427,10 @@ impl<'a> Builder<'a> {
     /// Keeps the buffer of a port up to a step.
     fn need(&mut self, step: usize, port: &Port, form: Form) {
         if form != Form::Absent {
-            self.demands[port.demand].to = self.demands[port.demand].to.max(step);
+            let demand = &mut self.demands[port.demand];
+            demand.to = demand.to.max(step);
+            demand.reader = Some(if demand.reader.is_none_or(|known| known == step) { step } else { MANY });
             self.needed.push(port.demand);
-            let reader = &mut self.readers[port.demand];
-            *reader = Some(if reader.is_none_or(|known| known == step) { step } else { MANY });
         }
     }
 
@@ -472,8 +467,7 @@ impl<'a> Builder<'a> {
             ports.push(Port { demand, placing, clock: clock as u32 });
             start += len_of(width);
         }
-        self.demands.push(Demand { len: start, from: step, to: step });
-        self.readers.push(None);
+        self.demands.push(Demand { len: start, from: step, to: step, reader: None });
         let step = &mut self.steps[step];
         if step.out.is_none() {
             step.out = Some(demand);
@@ -505,12 +499,12 @@ impl<'a> Builder<'a> {
         }
         for (port, _) in &tapped {
             self.demands[port.demand].to = last;
-            self.readers[port.demand] = Some(MANY);
+            self.demands[port.demand].reader = Some(MANY);
         }
         let places = Places::of(&self.demands);
         let plan = &mut self.plan;
         let is_inner = |number: usize, out: Option<usize>| {
-            out.is_some_and(|demand| self.readers[demand] == Some(number + 1))
+            out.is_some_and(|demand| self.demands[demand].reader == Some(number + 1))
         };
         let steps = self.steps.into_iter().enumerate();
         plan.steps = steps.map(|(number, draft)| places.step(is_inner(number, draft.out), draft)).collect();

@@ -13,7 +13,12 @@ pub(crate) struct Demand {
     pub from: usize,
     /// Last step that needs it.
     pub to: usize,
+    /// The only step that reads it; [`MANY`] if a tap or several do.
+    pub reader: Option<usize>,
 }
+
+/// Stands for several readers.
+pub(crate) const MANY: usize = usize::MAX;
 
 /// Gives every demand a slot; two demands share one only if their lives do not touch. Returns the slot of each
 /// demand, and the length of each slot.
@@ -27,7 +32,7 @@ pub(crate) fn assign(demands: &[Demand]) -> (Vec<u32>, Vec<usize>) {
     let mut free: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
     let mut placed = vec![0_u32; demands.len()];
     for i in order {
-        let Demand { len, from, to } = demands[i];
+        let Demand { len, from, to, .. } = demands[i];
         let len = len.next_multiple_of(LINE);
         while let Some(Reverse((until, slot))) = busy.peek().copied()
             && until < from
@@ -64,8 +69,9 @@ mod tests {
 
     #[test]
     fn lives_that_touch_never_share_a_slot() {
-        let demands: Vec<Demand> =
-            (0..40).map(|i| Demand { len: 8 + i % 5, from: i, to: i + 1 + (i * 7) % 9 }).collect();
+        let demands: Vec<Demand> = (0..40)
+            .map(|i| Demand { len: 8 + i % 5, from: i, to: i + 1 + (i * 7) % 9, reader: None })
+            .collect();
         let (placed, slots) = assign(&demands);
         for (i, a) in demands.iter().enumerate() {
             assert!(slots[placed[i] as usize] >= a.len);
@@ -78,7 +84,8 @@ mod tests {
 
     #[test]
     fn a_chain_needs_two_buffers() {
-        let demands: Vec<Demand> = (0..100).map(|i| Demand { len: 64, from: i, to: i + 1 }).collect();
+        let demands: Vec<Demand> =
+            (0..100).map(|i| Demand { len: 64, from: i, to: i + 1, reader: None }).collect();
         assert_eq!(assign(&demands).1.len(), 2);
     }
 }

@@ -109,14 +109,16 @@ impl State {
             let read = |place: u32| if place == latest_at { latest } else { memory[place as usize] };
             let mut step = &self.laws.steps[number];
             let x = read(step.from);
-            latest = match (step.law, self.laws.chain(number, range.end)) {
-                (_, Some((chain, last))) => {
-                    number = last;
-                    step = &self.laws.steps[last];
-                    Affine::of_chain(chain, x)
-                }
-                (Some(law), None) => law.of_read(x, || read(step.with)),
-                (None, None) => self.processors[number].frame(&tick, x),
+            latest = match step.law {
+                None => self.processors[number].frame(&tick, x),
+                Some(law) => match self.laws.chain(number, range.end) {
+                    None => law.of_read(x, || read(step.with)),
+                    Some((chain, last)) => {
+                        number = last;
+                        step = &self.laws.steps[last];
+                        Affine::of_chain(chain, x)
+                    }
+                },
             };
             number += 1;
             latest_at = step.to;
