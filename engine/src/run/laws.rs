@@ -57,11 +57,35 @@ impl Laws {
         }
     }
 
-    /// The numbers of the chain that begins with a processor and ends by `end`, and its last processor.
-    #[inline]
-    pub(super) fn chain(&self, processor: usize, end: usize) -> Option<(&[Affine], usize)> {
-        let chain = self.starts[processor];
-        let is_whole = chain.end > 0 && chain.end as usize <= end;
-        is_whole.then(|| (&self.numbers[processor..processor + chain.count as usize], chain.end as usize - 1))
+    /// Computes one frame of processors by their laws, up to one that has none; returns its number. What only the next one
+    /// reads stays in a register.
+    #[inline(never)]
+    pub(super) fn apply_to_frame(&self, range: Range<usize>, memory: &mut [f64]) -> usize {
+        let (mut latest, mut latest_at) = (0.0, u32::MAX);
+        let mut number = range.start;
+        while number < range.end {
+            let mut step = &self.steps[number];
+            let Some(law) = step.law else { break };
+            let read = |place: u32| if place == latest_at { latest } else { memory[place as usize] };
+            let x = read(step.from);
+            let chain = self.starts[number];
+            if chain.end > 0 && chain.end as usize <= range.end {
+                latest = Affine::of_chain(&self.numbers[number..number + chain.count as usize], x);
+                number = chain.end as usize;
+                step = &self.steps[number - 1];
+            } else {
+                latest = law.of_read(x, || read(step.with));
+                number += 1;
+            }
+            latest_at = step.to;
+            if !step.is_inner {
+                memory[step.to as usize] = latest;
+            }
+        }
+        // Its reader may run by itself.
+        if latest_at != u32::MAX {
+            memory[latest_at as usize] = latest;
+        }
+        number
     }
 }

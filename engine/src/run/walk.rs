@@ -7,9 +7,9 @@ use super::device::Ownership;
 use super::window::{Window, range_of};
 use crate::bridges::Ends;
 use crate::io::{Form, ResolvedInput};
-use crate::node::{SettingId, Tick};
+use crate::node::{AnyProcessor, SettingId, Tick};
 use crate::plan::{BridgeWork, Plan, Step, StepWork};
-use haptograph_signal::laws::{self, Affine};
+use haptograph_signal::laws::{self, LawStep};
 use std::ops::Range;
 
 impl State {
@@ -97,38 +97,18 @@ impl State {
         self.windows.restore();
     }
 
-    /// Runs processors for one frame without ports.
-    #[inline(never)]
+    /// Runs processors for one frame without ports: some by their laws, others by calls, in turns.
+    #[inline(always)]
     fn without_ports(&mut self, range: Range<usize>, window: Window, period_s: f64) {
         let tick = tick(window, period_s);
-        let memory = &mut self.memory.all_mut()[window.offset..];
-        let (mut latest, mut latest_at) = (0.0, u32::MAX);
-        let mut number = range.start;
-        while number < range.end {
-            // In a chain the frame stays in a register: a load would wait for the preceding store.
-            let read = |place: u32| if place == latest_at { latest } else { memory[place as usize] };
-            let mut step = &self.laws.steps[number];
-            let x = read(step.from);
-            latest = match step.law {
-                None => self.processors[number].frame(&tick, x),
-                Some(law) => match self.laws.chain(number, range.end) {
-                    None => law.of_read(x, || read(step.with)),
-                    Some((chain, last)) => {
-                        number = last;
-                        step = &self.laws.steps[last];
-                        Affine::of_chain(chain, x)
-                    }
-                },
+        let Self { laws, processors, memory, .. } = self;
+        let memory = &mut memory.all_mut()[window.offset..];
+        let mut begin = range.start;
+        while begin < range.end {
+            begin = match laws.steps[begin].law {
+                Some(_) => laws.apply_to_frame(begin..range.end, memory),
+                None => call_with_frame(&laws.steps, processors, begin..range.end, (&tick, memory)),
             };
-            number += 1;
-            latest_at = step.to;
-            if !step.is_inner {
-                memory[step.to as usize] = latest;
-            }
-        }
-        // Its reader is in no list of single frames, or runs by itself.
-        if latest_at != u32::MAX {
-            memory[latest_at as usize] = latest;
         }
     }
 
@@ -259,6 +239,31 @@ impl State {
             }
         }
     }
+}
+
+/// Calls processors with one frame each, up to one that has a law; returns its number. A frame that only the next one reads
+/// stays in a register: a load would wait for the preceding store.
+#[inline(never)]
+fn call_with_frame(
+    steps: &[LawStep],
+    processors: &mut [Box<dyn AnyProcessor>],
+    range: Range<usize>,
+    (tick, memory): (&Tick, &mut [f64]),
+) -> usize {
+    let (mut latest, mut latest_at) = (0.0, u32::MAX);
+    let list = steps[range.clone()].iter().zip(&mut processors[range.clone()]);
+    let mut number = range.start;
+    for (step, processor) in list {
+        if step.law.is_some() {
+            return number;
+        }
+        let x = if step.from == latest_at { latest } else { memory[step.from as usize] };
+        latest = processor.frame(tick, x);
+        latest_at = step.to;
+        memory[step.to as usize] = latest;
+        number += 1;
+    }
+    number
 }
 
 fn tick(window: Window, period_s: f64) -> Tick {

@@ -72,13 +72,13 @@ impl Windows {
         self.end = self.begin.saturating_add(self.base.period(self.driver).saturating_mul(frames as u64));
         for (clock, window) in self.clocks.iter_mut().enumerate() {
             window.offset = 0;
-            if clock == self.driver {
-                window.first += window.count as u64;
-                window.count = frames;
-            } else {
+            if clock != self.driver {
                 window.go_on(self.base.period(clock), self.end);
             }
         }
+        let driver = &mut self.clocks[self.driver];
+        driver.first += driver.count as u64;
+        driver.count = frames;
     }
 
     /// Sets the time to that after `frames` driver frames.
