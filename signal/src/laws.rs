@@ -2,7 +2,7 @@
 //! list passes over it.
 //!
 //! Each sample is computed by the same operations in the same order as by [`Law::of`]. The bits therefore depend neither
-//! on the instruction set nor on the block nor on how a list is divided.
+//! on the instruction set nor on the block nor on how a list is divided; which NaN it is may.
 
 use pulp::{Arch, Simd, WithSimd};
 use std::array::from_fn;
@@ -101,7 +101,7 @@ impl Law {
 pub struct LawStep {
     /// The law; a step without one is passed over.
     pub law: Option<Law>,
-    /// First sample of the first input, and of the second.
+    /// First sample of the first input.
     pub from: u32,
     /// The same of the second input; of a law of one input the first again.
     pub with: u32,

@@ -49,8 +49,9 @@ const TWICE: Duration = Duration::from_millis(300);
 
 /// Runs on its own thread.
 fn interrupted() {
-    let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    if let Some(stop) = stop {
+    let held = STOP.lock().unwrap_or_else(PoisonError::into_inner);
+    // Held to the end of the process where no command polls a flag: none begins meanwhile, and leaves a folder.
+    if let Some(stop) = &*held {
         // The flag may already be set by a typed `stop`; this ctrl-C still counts as the first.
         stop.store(true, Ordering::Relaxed);
         let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);

@@ -56,7 +56,7 @@ fn cases() -> [Case; 4] {
             name: "A",
             what: "chain of 100 gains and offsets, block 64",
             work: Work::gains_and_offsets(100, 64),
-            bar: 1.1,
+            bar: 0.25,
             tolerance: 1e-4,
         },
         Case {
@@ -70,7 +70,7 @@ fn cases() -> [Case; 4] {
             name: "C",
             what: "random graph of 1000 gains, block 64",
             work: Work::random_gains(1000, 64, 7),
-            bar: 0.5,
+            bar: 0.28,
             tolerance: 1e-4,
         },
         Case {
@@ -120,8 +120,8 @@ fn set_up() -> bool {
         work.nodes.len(),
         work.edges()
     );
-    let planned = median_ms("plan", 1.0, || drop(ours::plan(&graph, &work)));
-    let loaded = median_ms("load and check", 20.0, || drop(ours::load(&text)));
+    let planned = median_ms("plan", 0.8, || drop(ours::plan(&graph, &work)));
+    let loaded = median_ms("load and check", 5.0, || drop(ours::load(&text)));
     planned && loaded
 }
 

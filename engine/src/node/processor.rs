@@ -153,6 +153,9 @@ impl<K: Declared> Built<K> {
 impl<K: NodeKind> Built<K> {
     /// A processor that computes the output from the input by [`Law::Scale`] or [`Law::Offset`], component by component. The
     /// kind's live setting, if it has one, is the law's number; with more of them it does not compile.
+    ///
+    /// # Panics
+    /// With another law, which [`Processor::law`] is for.
     pub fn law<F: FrameKind>(law: Law, input: Input<K, F>, output: Output<K, F>) -> Self {
         const {
             assert!(
@@ -160,6 +163,10 @@ impl<K: NodeKind> Built<K> {
                 "a law has one number, and so at most one live setting"
             );
         }
+        assert!(
+            matches!(law, Law::Scale(_) | Law::Offset(_)),
+            "a law of other numbers is that of a processor: `Processor::law`"
+        );
         Self::erased(Lawful { law, input: input.index(), output: output.index() })
     }
 }

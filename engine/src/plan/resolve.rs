@@ -107,7 +107,7 @@ pub(super) fn join(plan: &mut Plan) {
     plan.live_works = plan.live.iter().map(|live| of(live.node)).collect();
 }
 
-/// Computes `streak` and `singles` of each step, from the last to the first.
+/// Computes `streak`, `singles` and `lawful` of each step, from the last to the first.
 fn join_streaks(steps: &mut [Step]) {
     for number in (1..steps.len()).rev() {
         let (earlier, later) = (&steps[number - 1], &steps[number]);
@@ -126,12 +126,17 @@ fn join_streaks(steps: &mut [Step]) {
 
 /// How a processor computes a scalar from scalars without ports: by its law, or called with a frame of its only input.
 pub(crate) fn without_ports(wires: &Wires, law: Option<Law>) -> Option<LawStep> {
+    let law = law.filter(|_| !wires.inputs.is_empty());
     let by_law = law.and_then(|law| Some((Some(law), wires.scalars(law.inputs())?)));
     let (law, ([from, with], to)) = by_law.or_else(|| Some((None, wires.scalars(1)?)))?;
     Some(LawStep { law, from, with, to, ..NONE })
 }
 
-/// The processors that pass a frame on by factors and offsets, two or more in a row.
+/// Maximum length of a chain: the real-time thread joins it anew when one of its numbers changes.
+const MAX_CHAIN: usize = 16;
+
+/// The processors that pass a frame on by factors and offsets, two or more in a row. A run uses a chain only where its list
+/// of steps has all of them: other steps may lie between, or an island end.
 fn chains(laws: &[LawStep]) -> Vec<Range<usize>> {
     let passes_on = |pair: &[LawStep]| {
         let [one, next] = pair else { return false };
@@ -139,8 +144,10 @@ fn chains(laws: &[LawStep]) -> Vec<Range<usize>> {
     };
     let mut chains: Vec<Range<usize>> = Vec::new();
     for (number, _) in laws.windows(2).enumerate().filter(|(_, pair)| passes_on(pair)) {
-        match chains.last_mut().filter(|chain| chain.end == number + 1) {
-            Some(chain) => chain.end += 1,
+        match chains.last_mut().filter(|chain| chain.end > number) {
+            Some(chain) if chain.len() < MAX_CHAIN => chain.end += 1,
+            // The first of both ends a chain.
+            Some(_) => {}
             None => chains.push(number..number + 2),
         }
     }

@@ -311,7 +311,7 @@ impl Player {
 
     /// Times some of its blocks from now on, step by step.
     pub(crate) fn sample_costs(&mut self) {
-        self.listeners.sampler = Some(CostSampler::default());
+        self.listeners.sampler = Some(CostSampler::new());
     }
 
     /// Sets the end of the run, in driver frames from the start.

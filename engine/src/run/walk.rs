@@ -241,8 +241,8 @@ impl State {
     }
 }
 
-/// Calls processors with one frame each, up to one that has a law; returns its number. A frame that only the next one reads
-/// stays in a register: a load would wait for the preceding store.
+/// Calls processors with one frame each, up to one that has a law; returns its number. The next one gets the frame from a
+/// register: a load would wait for the store.
 #[inline(never)]
 fn call_with_frame(
     steps: &[LawStep],

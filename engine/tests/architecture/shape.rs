@@ -15,7 +15,7 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
     ("signal", 5_540, 4_800),
-    ("engine", 19_410, 15_500),
+    ("engine", 19_430, 15_500),
     ("surfaces", 6_740, 6_000),
     ("learning", 13_800, 9_500),
     ("nodes", 14_200, 13_000),

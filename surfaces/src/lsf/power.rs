@@ -48,6 +48,10 @@ impl WithSimd for Convert<'_> {
 /// for Q. Since P + Q = 2 A, the means of both by P(-l) and Q(-l) lack nothing, and all terms are positive.
 #[inline(always)]
 fn power<const PADDED: usize>(factors: &[f64], warping: f64) -> f64 {
+    if !factors.is_sorted() {
+        // Unstable, as where two are equal.
+        return f64::INFINITY;
+    }
     let order = factors.len();
     let mut b = [0.0; PADDED];
     b[..order].copy_from_slice(factors);
