@@ -132,7 +132,7 @@ fn here() -> Option<String> {
     Some(format!("rustc {} {set}", compiler.split_whitespace().nth(1)?))
 }
 
-/// The instructions within [`works::counted`], and the misses of its data in both caches.
+/// The instructions within `works::counted`, and the misses of its data in both caches.
 fn count(name: &str, has_misses: bool) -> Option<Vec<u64>> {
     let mut valgrind = Command::new("valgrind");
     valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null", "--toggle-collect=*works*counted*"]);

@@ -67,7 +67,7 @@ pub const WORKS: [Counted; 19] = [
     counts("learn", learning),
 ];
 
-/// Runs a work; what it passes to [`counted`] is counted.
+/// Runs a work; what it passes to `counted` is counted.
 pub fn run(name: &str) -> ExitCode {
     match WORKS.iter().find(|work| work.name == name) {
         Some(work) => {
