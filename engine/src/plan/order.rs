@@ -45,6 +45,7 @@ pub(crate) fn order(graph: &Graph) -> Vec<Group> {
     }
     let first_path = |group: NodeIndex| graph.nodes[groups[group.index()][0]].path.as_str();
     let sequence = topological(&between, first_path);
+    debug_assert_eq!(sequence.len(), groups.len(), "groups have no circle between them");
     sequence
         .into_iter()
         .map(|group| {
@@ -131,7 +132,9 @@ fn island(
     }
     pacing.sort_unstable();
     pacing.dedup();
-    let members = topological(&local, |node| path(local[node])).into_iter().map(|node| local[node]).collect();
+    let sequence = topological(&local, |node| path(local[node]));
+    debug_assert_eq!(sequence.len(), local.node_count(), "a checked graph has no circle through wires");
+    let members = sequence.into_iter().map(|node| local[node]).collect();
     Group { members, pacing }
 }
 
