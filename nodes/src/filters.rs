@@ -194,6 +194,14 @@ impl<K: FilterKind> Processor<K> for LaneFilter {
         }
     }
 
+    fn cascade(&mut self) -> Option<&mut SectionsState> {
+        match (&mut *self.lanes, &self.tuning) {
+            (_, Some(tuning)) if tuning.follows => None,
+            ([only], _) => Some(only),
+            _ => None,
+        }
+    }
+
     fn copy_state_into(&self, new: &mut Self) {
         let (Some(old_tuning), Some(tuning)) = (&self.tuning, &mut new.tuning) else {
             for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {

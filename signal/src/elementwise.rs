@@ -3,7 +3,8 @@
 //! Each sample is computed by the same operations in the same order, and no operation is fused unless its function says
 //! so. The bits therefore depend neither on the instruction set nor on the block.
 
-use pulp::{Arch, Simd, WithSimd};
+use crate::instructions::arch;
+use pulp::{Simd, WithSimd};
 
 /// Numbers on whole cache lines. The widest vectors straddle two lines where numbers lie anywhere, at twice the cost.
 #[derive(Debug, Clone, Copy)]
@@ -86,7 +87,7 @@ pub fn zip(a: &[f64], b: &[f64], y: &mut [f64], f: impl Fn(f64, f64) -> f64) {
 /// Separate, so that single samples do not pay for the registers that a loop needs.
 #[inline(never)]
 fn in_blocks<W: WithSimd<Output = ()>>(work: W) {
-    Arch::new().dispatch(work);
+    arch().dispatch(work);
 }
 
 struct Map<'a, F> {

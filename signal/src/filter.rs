@@ -15,6 +15,7 @@
 
 mod design;
 mod lanes;
+mod wavefront;
 
 pub use design::{
     Cascade, DesignError, MAX_ORDER, Prototype, bessel_lowpass, butterworth_bandpass, butterworth_highpass,
@@ -23,6 +24,7 @@ pub use design::{
 pub use lanes::SectionLanes;
 
 use crate::Complex64;
+use wavefront::{NARROWEST, SHORTEST, WIDEST};
 
 /// Interval in samples at which a recursive state is checked for silence.
 const SETTLE: usize = 64;
@@ -157,9 +159,10 @@ impl SectionsState {
     pub fn process(&mut self, x: &[f64], y: &mut [f64]) {
         let length = x.len().min(y.len());
         let (mut x, mut y) = (&x[..length], &mut y[..length]);
-        let Some((first, later)) = self.sections.split_first_mut() else {
+        let sections = self.sections.len();
+        let Some((first, later)) = self.sections.split_first_mut().filter(|_| sections < NARROWEST) else {
             y.copy_from_slice(x);
-            return;
+            return self.process_in_place(y);
         };
         // Without a copy first: its wide loads would stall on samples that were stored one by one just before.
         while !x.is_empty() {
@@ -181,18 +184,54 @@ impl SectionsState {
 
     /// Filters `y` in place.
     pub fn process_in_place(&mut self, y: &mut [f64]) {
+        Self::process_together(&mut [Some(self)], y);
+    }
+
+    /// The output for one sample.
+    #[inline]
+    pub fn sample(&mut self, x: f64) -> f64 {
+        let y = self.sections.iter_mut().fold(x, |x, section| section.sample(x));
+        self.since_settled += 1;
+        self.settle_in_time();
+        y
+    }
+
+    /// Filters `y` in place by one filter after the other, with the bits of each by itself, but sections of several side by
+    /// side. Real-time code.
+    pub fn process_chain<'a>(chain: impl Iterator<Item = &'a mut Self>, y: &mut [f64]) {
+        let mut chain = chain.fuse();
+        loop {
+            let mut group: [Option<&mut Self>; WIDEST] = std::array::from_fn(|_| chain.next());
+            if group[0].is_none() {
+                break;
+            }
+            Self::process_together(&mut group, y);
+        }
+    }
+
+    fn process_together(group: &mut [Option<&mut Self>], y: &mut [f64]) {
+        let sections: usize = group.iter().flatten().map(|filter| filter.sections.len()).sum();
         let mut rest = y;
         while !rest.is_empty() {
-            let (block, later) = rest.split_at_mut(rest.len().min(SETTLE - self.since_settled));
-            for section in &mut self.sections {
-                section.process_in_place(block);
+            let until_settled = group.iter().flatten().map(|filter| SETTLE - filter.since_settled).min();
+            let (block, later) = rest.split_at_mut(rest.len().min(until_settled.unwrap_or(SETTLE)));
+            let mut chain = group.iter_mut().flatten().flat_map(|filter| &mut *filter.sections);
+            match sections < NARROWEST || block.len() < SHORTEST {
+                true => chain.for_each(|section| section.process_in_place(block)),
+                false => wavefront::process(&mut chain, block),
             }
-            self.since_settled += block.len();
-            if self.since_settled == SETTLE {
-                self.since_settled = 0;
-                self.sections.iter_mut().for_each(Running::settle);
+            for filter in group.iter_mut().flatten() {
+                filter.since_settled += block.len();
+                filter.settle_in_time();
             }
             rest = later;
+        }
+    }
+
+    fn settle_in_time(&mut self) {
+        if self.since_settled == SETTLE {
+            self.since_settled = 0;
+            self.sections.iter_mut().for_each(Running::settle);
         }
     }
 
@@ -276,6 +315,14 @@ impl Running {
             (older_x, older, s1) = (x, s1, (c1 * x + s2) - a1 * s1);
         }
         self.state = [s1, c2 * older_x - a2 * older];
+    }
+
+    #[inline]
+    fn sample(&mut self, x: f64) -> f64 {
+        let Biquad { b: [b0, b1, b2], a: [a1, a2] } = self.biquad;
+        let [s1, s2] = self.state;
+        self.state = [((b1 - a1 * b0) * x + s2) - a1 * s1, (b2 - a2 * b0) * x - a2 * s1];
+        b0 * x + s1
     }
 
     fn settle(&mut self) {

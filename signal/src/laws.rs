@@ -4,8 +4,8 @@
 //! Each sample is computed by the same operations in the same order as by [`Law::of`]. The bits therefore depend neither
 //! on the instruction set nor on the block nor on how a list is divided; which NaN it is may.
 
-use pulp::{Arch, Simd, WithSimd};
-use std::array::from_fn;
+use crate::instructions::arch;
+use pulp::{Simd, WithSimd};
 
 /// A law from one or two numbers to one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,29 +71,45 @@ impl Law {
     /// The outputs for a tile of each input.
     #[inline(always)]
     fn of_tile<S: Simd, const N: usize>(self, simd: S, a: [S::f64s; N], b: [S::f64s; N]) -> [S::f64s; N] {
-        let splat = |x: f64| simd.splat_f64s(x);
         match self {
-            Self::Scale(factor) => a.map(|a| simd.mul_f64s(splat(factor), a)),
-            Self::Offset(offset) => a.map(|a| simd.add_f64s(a, splat(offset))),
-            Self::Clamp(lowest, highest) => a.map(|a| {
-                let (lowest, highest) = (splat(lowest), splat(highest));
-                let above = simd.select_f64s(simd.less_than_f64s(a, lowest), lowest, a);
-                simd.select_f64s(simd.greater_than_f64s(above, highest), highest, above)
-            }),
-            Self::Absolute => a.map(|a| simd.abs_f64s(a)),
-            Self::Sum => from_fn(|i| simd.add_f64s(a[i], b[i])),
-            Self::Difference => from_fn(|i| simd.sub_f64s(a[i], b[i])),
-            Self::Product => from_fn(|i| simd.mul_f64s(a[i], b[i])),
-            Self::Quotient => from_fn(|i| {
-                let is_zero = simd.equal_f64s(b[i], splat(0.0));
-                simd.select_f64s(is_zero, splat(0.0), simd.div_f64s(a[i], b[i]))
-            }),
-            Self::Mix(first, second) => from_fn(|i| {
-                let (a, b) = (simd.mul_f64s(splat(first), a[i]), simd.mul_f64s(splat(second), b[i]));
-                simd.add_f64s(a, b)
-            }),
+            Self::Scale(factor) => {
+                let factor = simd.splat_f64s(factor);
+                of_each(a, b, |a, _| simd.mul_f64s(factor, a))
+            }
+            Self::Offset(offset) => {
+                let offset = simd.splat_f64s(offset);
+                of_each(a, b, |a, _| simd.add_f64s(a, offset))
+            }
+            Self::Clamp(lowest, highest) => {
+                let (lowest, highest) = (simd.splat_f64s(lowest), simd.splat_f64s(highest));
+                of_each(a, b, |a, _| {
+                    let above = simd.select_f64s(simd.less_than_f64s(a, lowest), lowest, a);
+                    simd.select_f64s(simd.greater_than_f64s(above, highest), highest, above)
+                })
+            }
+            Self::Absolute => of_each(a, b, |a, _| simd.abs_f64s(a)),
+            Self::Sum => of_each(a, b, |a, b| simd.add_f64s(a, b)),
+            Self::Difference => of_each(a, b, |a, b| simd.sub_f64s(a, b)),
+            Self::Product => of_each(a, b, |a, b| simd.mul_f64s(a, b)),
+            Self::Quotient => {
+                let zero = simd.splat_f64s(0.0);
+                of_each(a, b, |a, b| simd.select_f64s(simd.equal_f64s(b, zero), zero, simd.div_f64s(a, b)))
+            }
+            Self::Mix(first, second) => {
+                let (first, second) = (simd.splat_f64s(first), simd.splat_f64s(second));
+                of_each(a, b, |a, b| simd.add_f64s(simd.mul_f64s(first, a), simd.mul_f64s(second, b)))
+            }
         }
     }
+}
+
+/// As `map` of arrays, but always inlined: vectors that pass through memory between would take ten times as long.
+#[inline(always)]
+fn of_each<V: Copy, const N: usize>(mut a: [V; N], b: [V; N], law: impl Fn(V, V) -> V) -> [V; N] {
+    for i in 0..N {
+        a[i] = law(a[i], b[i]);
+    }
+    a
 }
 
 /// A law between places in a memory that holds signals.
@@ -166,7 +182,7 @@ impl Affine {
 /// # Panics
 /// If a place lies outside of the memory.
 pub fn apply(steps: &[LawStep], memory: &mut [f64], frames: usize) {
-    Arch::new().dispatch(Apply { steps, memory, frames });
+    arch().dispatch(Apply { steps, memory, frames });
 }
 
 struct Apply<'a> {
@@ -208,15 +224,13 @@ impl Apply<'_> {
         let last = self.steps.len().wrapping_sub(1);
         for (number, step) in self.steps.iter().enumerate() {
             let Some(law) = step.law else { continue };
-            let memory = &*self.memory;
-            let load = |place: u32| -> [S::f64s; N] {
-                let (vectors, _) = S::as_simd_f64s(&memory[place as usize + at..][..samples]);
-                vectors.first_chunk().copied().unwrap_or(latest)
+            let a = match step.from == latest_at {
+                true => latest,
+                false => load::<S, N>(&self.memory[step.from as usize + at..], latest),
             };
-            let a = if step.from == latest_at { latest } else { load(step.from) };
             let b = match law.inputs() == 1 || step.with == latest_at {
                 true => latest,
-                false => load(step.with),
+                false => load::<S, N>(&self.memory[step.with as usize + at..], latest),
             };
             latest = law.of_tile(simd, a, b);
             latest_at = step.to;
@@ -227,6 +241,15 @@ impl Apply<'_> {
                 }
             }
         }
+    }
+}
+
+/// The first `N` vectors of samples.
+#[inline(always)]
+fn load<S: Simd, const N: usize>(samples: &[f64], otherwise: [S::f64s; N]) -> [S::f64s; N] {
+    match S::as_simd_f64s(&samples[..N * S::F64_LANES]).0.first_chunk() {
+        Some(vectors) => *vectors,
+        None => otherwise,
     }
 }
 

@@ -10,6 +10,7 @@ pub mod elementwise;
 pub mod fft;
 pub mod files;
 pub mod filter;
+pub mod instructions;
 pub mod laws;
 pub mod noise;
 pub mod parallel;

@@ -4,6 +4,7 @@
 //! costs under a nanosecond a sample. Every operation is an exactly rounded one (no fused multiply-add, no libm), so
 //! a seed gives the same bits on every processor.
 
+use crate::instructions::arch;
 use pulp::{Arch, Simd, WithSimd};
 use rand_xoshiro::SplitMix64;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -89,7 +90,7 @@ struct Batched {
 
 impl Batched {
     fn new(seed: u64, make: MakeBatch) -> Self {
-        Self { lanes: Lanes::new(seed), make, arch: Arch::new(), batch: [0.0; BATCH], next: BATCH }
+        Self { lanes: Lanes::new(seed), make, arch: arch(), batch: [0.0; BATCH], next: BATCH }
     }
 
     #[inline]

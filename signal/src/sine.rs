@@ -1,12 +1,13 @@
 //! The sine of many angles at once: without the system library's branches, and with the same bits on every processor.
 
-use pulp::{Arch, Simd, WithSimd};
+use crate::instructions::arch;
+use pulp::{Simd, WithSimd};
 use std::f64::consts::FRAC_1_PI;
 
 /// Replaces angles, rad, by their sines, to within two units in the last place of 1 and the rounding of the angle. Angles
 /// that are not finite become NaN.
 pub fn sines(angles: &mut [f64]) {
-    Arch::new().dispatch(Sines { angles });
+    arch().dispatch(Sines { angles });
 }
 
 struct Sines<'a> {

@@ -5,6 +5,7 @@ use crate::frame::FrameKind;
 use crate::io::{Io, Ports, Wires};
 use crate::settings::{Flag, LiveId, SettingId, Settings, count};
 use haptograph_signal::elementwise;
+use haptograph_signal::filter::SectionsState;
 use haptograph_signal::laws::Law;
 use std::any::Any;
 use std::marker::PhantomData;
@@ -109,6 +110,13 @@ pub trait Processor<K: Declared>: Clone + Send + Sync + 'static {
         None
     }
 
+    /// The filter by which it computes its only output from its only connected input, if both are scalars: the engine then runs
+    /// chains of such nodes side by side and calls [`process`](Self::process) only where it has to. Both have to give the same
+    /// bits. Whether there is such a filter must not change during the node's life.
+    fn cascade(&mut self) -> Option<&mut SectionsState> {
+        None
+    }
+
     /// Copies the state into the processor that replaces this one in a new plan, if that has the same type. Both may run
     /// during a cross-fade.
     ///
@@ -182,6 +190,11 @@ pub(crate) trait AnyProcessor: Any + Send + Sync {
     /// As [`Processor::law`].
     fn law(&self) -> Option<Law>;
 
+    /// As [`Processor::cascade`].
+    fn cascade(&mut self) -> Option<&mut SectionsState> {
+        None
+    }
+
     fn set(&mut self, setting: SettingId, value: f64);
 
     fn copy_state_into(&self, new: &mut dyn AnyProcessor);
@@ -211,6 +224,9 @@ impl<K: Declared, P: Processor<K>> AnyProcessor for Of<K, P> {
     }
 
     fn frame(&mut self, tick: &Tick, x: f64) -> f64 {
+        if let Some(cascade) = self.processor.cascade() {
+            return cascade.sample(x);
+        }
         let (x, mut y) = ([x], [0.0]);
         let ports = Ports::one_frame(&x, &mut y);
         self.processor.process(tick, &mut Io::new(ports));
@@ -219,6 +235,10 @@ impl<K: Declared, P: Processor<K>> AnyProcessor for Of<K, P> {
 
     fn law(&self) -> Option<Law> {
         self.processor.law()
+    }
+
+    fn cascade(&mut self) -> Option<&mut SectionsState> {
+        self.processor.cascade()
     }
 
     fn set(&mut self, setting: SettingId, value: f64) {

@@ -163,6 +163,8 @@ pub(crate) struct Step {
     pub singles: u32,
     /// Number of them, from this one on, that compute blocks by their laws.
     pub lawful: u32,
+    /// Number of them, from this one on, that filter a scalar by a cascade, each the output of the one before.
+    pub cascades: u32,
     /// True if only the next step reads its output.
     pub is_inner: bool,
     pub wires: Wires,
@@ -173,6 +175,11 @@ pub(crate) struct Step {
 }
 
 impl Step {
+    /// True if the processor computes single frames, or longer blocks, without ports, by itself or with those behind it.
+    pub(crate) fn runs_without_ports(&self, single: bool) -> bool {
+        if single { self.singles > 0 } else { self.lawful > 0 || self.cascades > 1 }
+    }
+
     /// True if the steps are equal except for the node's number.
     fn is_same_as(&self, other: &Self) -> bool {
         let node = other.node;

@@ -68,6 +68,7 @@ impl Places {
             streak: 1,
             singles: 0,
             lawful: 0,
+            cascades: 0,
             is_inner,
             wires: Wires {
                 out,
@@ -87,10 +88,12 @@ pub(super) fn join(plan: &mut Plan) {
             let found = without_ports(&step.wires, plan.processors[index as usize].law());
             step.singles = u32::from(found.is_some());
             step.lawful = u32::from(found.is_some_and(|found| found.law.is_some()));
+            let cascade = plan.processors[index as usize].cascade();
+            step.cascades = u32::from(cascade.is_some() && step.wires.scalars(1).is_some());
             plan.laws.push(LawStep { is_inner: step.is_inner, ..found.unwrap_or(NONE) });
         }
     }
-    join_streaks(&mut plan.steps);
+    join_streaks(&mut plan.steps, &plan.laws);
     plan.chains = chains(&plan.laws);
     let mut works: Vec<(NodeId, StepWork)> = Vec::new();
     if !plan.live.is_empty() {
@@ -107,19 +110,21 @@ pub(super) fn join(plan: &mut Plan) {
     plan.live_works = plan.live.iter().map(|live| of(live.node)).collect();
 }
 
-/// Computes `streak`, `singles` and `lawful` of each step, from the last to the first.
-fn join_streaks(steps: &mut [Step]) {
+/// Computes `streak`, `singles`, `lawful` and `cascades` of each step, from the last to the first.
+fn join_streaks(steps: &mut [Step], laws: &[LawStep]) {
     for number in (1..steps.len()).rev() {
         let (earlier, later) = (&steps[number - 1], &steps[number]);
         if let (StepWork::Process(a), StepWork::Process(b)) = (earlier.work, later.work)
             && b == a + 1
             && earlier.clock == later.clock
         {
-            let Step { streak, singles, lawful, .. } = *later;
+            let Step { streak, singles, lawful, cascades, .. } = *later;
+            let is_read_there = earlier.is_inner && laws[b as usize].from == laws[a as usize].to;
             let earlier = &mut steps[number - 1];
             earlier.streak += streak;
             earlier.singles *= 1 + singles;
             earlier.lawful *= 1 + lawful;
+            earlier.cascades *= 1 + if is_read_there { cascades } else { 0 };
         }
     }
 }

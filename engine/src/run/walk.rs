@@ -9,6 +9,7 @@ use crate::bridges::Ends;
 use crate::io::{Form, ResolvedInput};
 use crate::node::{AnyProcessor, SettingId, Tick};
 use crate::plan::{BridgeWork, Plan, Step, StepWork};
+use haptograph_signal::filter::SectionsState;
 use haptograph_signal::laws::{self, LawStep};
 use std::ops::Range;
 
@@ -52,6 +53,10 @@ impl State {
                         let memory = &mut self.memory.all_mut()[window.offset..];
                         laws::apply(&self.laws.steps[first..first + lawful], memory, window.count);
                         lawful
+                    } else if window.count > 1 && step.cascades > 1 && !tracing {
+                        let cascades = (step.cascades as usize).min(range.end - number);
+                        self.cascade(first..first + cascades, window);
+                        cascades
                     } else {
                         let streak = (step.streak as usize).min(most);
                         self.with_ports(&plan.steps[number..number + streak], first, period_s)
@@ -112,6 +117,17 @@ impl State {
         }
     }
 
+    /// Runs a chain of filters together. What only the next one reads is not written.
+    #[inline(never)]
+    fn cascade(&mut self, range: Range<usize>, window: Window) {
+        let [first, last] = [range.start, range.end - 1].map(|number| self.laws.steps[number]);
+        let memory = &mut self.memory.all_mut()[window.offset..];
+        let (from, to) = (first.from as usize, last.to as usize);
+        memory.copy_within(from..from + window.count, to);
+        let chain = self.processors[range].iter_mut().filter_map(|processor| processor.cascade());
+        SectionsState::process_chain(chain, &mut memory[to..to + window.count]);
+    }
+
     /// Runs successive processors of a clock, up to one that needs no ports in this window. Returns how many.
     #[inline(never)]
     fn with_ports(&mut self, steps: &[Step], first: usize, period_s: f64) -> usize {
@@ -125,7 +141,7 @@ impl State {
         let memory = self.memory.all_mut();
         for (done, (step, processor)) in steps.iter().zip(&mut self.processors[first..]).enumerate() {
             // Never the first one.
-            if !tracing && (if single { step.singles } else { step.lawful }) > 0 {
+            if done > 0 && !tracing && step.runs_without_ports(single) {
                 return done;
             }
             processor.process(&tick, window.offset, &step.wires, memory);

@@ -14,11 +14,11 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
-    ("signal", 5_540, 4_800),
-    ("engine", 19_430, 15_500),
+    ("signal", 5_780, 4_800),
+    ("engine", 19_460, 15_500),
     ("surfaces", 6_750, 6_000),
     ("learning", 13_800, 9_500),
-    ("nodes", 14_200, 13_000),
+    ("nodes", 14_210, 13_000),
     ("live", 6_510, 6_000),
     ("report", 7_560, 6_000),
     ("studio", 5_240, 3_300),
@@ -29,7 +29,7 @@ const BUDGETS: [(&str, usize, usize); 10] = [
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 10] = [
-    ("signal", 360),
+    ("signal", 365),
     ("engine", 726),
     ("surfaces", 352),
     ("learning", 370),

@@ -33,7 +33,7 @@ pub fn all_pairs(
                 progress(part)
             }
         };
-        pulp::Arch::new().dispatch(Compare { signals, pairs, report });
+        haptograph_signal::instructions::arch().dispatch(Compare { signals, pairs, report });
     });
     progress(1.0);
     Ok(work.into_iter().map(|pair| pair.errors).collect())

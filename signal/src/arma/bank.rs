@@ -5,6 +5,7 @@ mod lattice;
 mod warped;
 
 use super::{ArmaError, Form, MAX_ORDER, Settling, in_runs};
+use crate::instructions::arch;
 use direct::DirectGroup;
 use lattice::LatticeGroup;
 use pulp::{Arch, Simd, WithSimd};
@@ -231,7 +232,7 @@ impl<G: Group> Bank<G> {
             voices,
             groups: vec![G::new(); voices.div_ceil(G::LANES)].into_boxed_slice(),
             since_settled: 0,
-            arch: Arch::new(),
+            arch: arch(),
         }
     }
 

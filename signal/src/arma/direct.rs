@@ -1,6 +1,7 @@
 //! The direct form of the thesis.
 
 use super::{ArmaError, MAX_ORDER, Settling, check, in_runs, is_over};
+use crate::instructions::arch;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Outputs computed together.
@@ -91,7 +92,7 @@ impl DirectForm {
             y: [0.0; MAX_ORDER + ROOM],
             now: MAX_ORDER,
             since_settled: 0,
-            arch: Arch::new(),
+            arch: arch(),
         }
     }
 

@@ -1,6 +1,7 @@
 //! The normalised lattice-ladder: bounded however its coefficients change.
 
 use super::{ArmaError, MAX_ORDER, SETTLE, Settling, check, in_runs, is_over};
+use crate::instructions::arch;
 use crate::prediction::{PredictionError, ladder};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -79,7 +80,7 @@ impl Lattice {
             coefficients: Coefficients::IDENTITY,
             backward: [0.0; MAX_ORDER + 1],
             since_settled: 0,
-            arch: Arch::new(),
+            arch: arch(),
         }
     }
 

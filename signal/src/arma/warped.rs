@@ -4,6 +4,7 @@ mod step;
 
 use super::{ArmaError, SETTLE, Settling, are_finite, in_runs, is_over};
 use crate::elementwise::mul_add;
+use crate::instructions::arch;
 use pulp::{Arch, Simd, WithSimd};
 pub(super) use step::Stages;
 use step::{ROWS, SUMS, Step};
@@ -39,7 +40,7 @@ impl Default for WarpedLattice {
 impl WarpedLattice {
     /// Makes a silent filter without coefficients.
     pub fn new() -> Self {
-        Self { step: Box::new(Step::SILENT), state: [0.0; ROWS], since_settled: 0, arch: Arch::new() }
+        Self { step: Box::new(Step::SILENT), state: [0.0; ROWS], since_settled: 0, arch: arch() }
     }
 
     /// Sets the coefficients from the next sample on: the warped polynomial `[a_1, ..., a_p]`, the warping factor in

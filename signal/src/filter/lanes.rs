@@ -1,6 +1,7 @@
 //! Filters of many voices, side by side in SIMD lanes.
 
 use super::{Biquad, SETTLE, SILENCE, Sections};
+use crate::instructions::arch;
 use pulp::{Arch, Simd, WithSimd};
 
 /// [`SectionsState`](super::SectionsState)s of as many voices as there are lanes, with the same bits.
@@ -37,11 +38,7 @@ impl<const L: usize> SectionLanes<L> {
             let state = [[0.0; L]; 2];
             Running { b, a, state }
         };
-        Self {
-            sections: (0..sections.unwrap_or(0)).map(running).collect(),
-            since_settled: 0,
-            arch: Arch::new(),
-        }
+        Self { sections: (0..sections.unwrap_or(0)).map(running).collect(), since_settled: 0, arch: arch() }
     }
 
     /// Filters frames of one sample a lane in place.

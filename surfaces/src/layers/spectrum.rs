@@ -8,6 +8,7 @@ use crate::{MAX_ORDER, TextureModel};
 use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, VoiceBank, WarpedBank, WarpedLattice};
 use haptograph_signal::elementwise::CacheLines;
 use haptograph_signal::filter::{SectionLanes, SectionsState};
+use haptograph_signal::instructions::arch;
 use pulp::{Arch, Simd, WithSimd};
 use std::f64::consts::PI;
 
@@ -122,7 +123,7 @@ impl SpectrumBank {
             orders,
             warping: first.warping(),
             buffers: Box::new(Buffers { mix: flat(orders), coefficients: [[0.0; LANES]; MIX] }),
-            arch: Arch::new(),
+            arch: arch(),
         }
     }
 

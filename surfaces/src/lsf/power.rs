@@ -3,12 +3,13 @@
 
 use super::MAX_ORDER;
 use super::from_lsf::{factors_to_ar_lanes, lsf_to_factors_lanes};
-use pulp::{Arch, Simd, WithSimd};
+use haptograph_signal::instructions::arch;
+use pulp::{Simd, WithSimd};
 
 /// Coefficients of the warped polynomial whose LSFs (radians, ascending) are given, into `ar` of equal length, at most [`MAX_ORDER`];
 /// returns the power of white noise of variance 1 after the filter, infinite where rounding leaves two frequencies one.
 pub(crate) fn warped_into_ar(lsf: &[f64], warping: f64, ar: &mut [f64]) -> f64 {
-    Arch::new().dispatch(Convert { lsf, warping, ar })
+    arch().dispatch(Convert { lsf, warping, ar })
 }
 
 struct Convert<'a> {

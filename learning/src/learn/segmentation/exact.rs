@@ -190,7 +190,7 @@ impl<'a, E: Estimator> Search<'a, E> {
         }
         self.incumbent = (f64::INFINITY, 1);
         self.reached.clear();
-        pulp::Arch::new().dispatch(RateStarts { end, search: self });
+        haptograph_signal::instructions::arch().dispatch(RateStarts { end, search: self });
         self.keep_candidates(end);
     }
 

@@ -76,7 +76,7 @@ impl<'a, E: Estimator> Objective<'a, E> {
         // Mostly one end of all segments is the same.
         let mut start = Described::new(size);
         let mut end = Described::new(size);
-        let arch = pulp::Arch::new();
+        let arch = haptograph_signal::instructions::arch();
         for (batch, group) in segments.chunks(LANES).enumerate() {
             let mut spans = Lanes::splat(1.0);
             for (lane, &(from, to)) in group.iter().enumerate() {

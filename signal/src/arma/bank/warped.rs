@@ -6,6 +6,7 @@ use super::{Frames, Group, LATTICES as LANES, UNDER_WAY, vectors, vectors_mut};
 use crate::arma::warped::Stages;
 use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over};
 use crate::elementwise::{CacheLines, mul_add_lanes};
+use crate::instructions::arch;
 use crate::warped::first_error;
 use pulp::{Arch, Simd};
 use solve::SetAll;
@@ -61,7 +62,7 @@ impl Group for WarpedGroup {
             scale: [[1.0; LANES]; MAX_ORDER],
             order: 0,
             warping: 0.0,
-            arch: Arch::new(),
+            arch: arch(),
         }
     }
 

@@ -8,6 +8,7 @@ use crate::layers::{LayerBank, LayerVoices, SpectrumBank, Stage};
 use crate::rendering::{SynthesisError, UpdatePoints, updates};
 #[cfg(target_arch = "x86_64")]
 use haptograph_signal::elementwise::CacheLines;
+use haptograph_signal::instructions::arch;
 use haptograph_signal::noise::Gaussian;
 use pulp::Arch;
 use std::ops::{ControlFlow, Range};
@@ -126,7 +127,7 @@ impl<'a> Group<'a> {
                 excitation: [[0.0; LANES]; BLOCK],
                 out: [[0.0; LANES]; BLOCK],
             }),
-            arch: Arch::new(),
+            arch: arch(),
         }
     }
 
