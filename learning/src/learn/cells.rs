@@ -1,7 +1,6 @@
 //! Estimates the spectrum of a stretch of vibration on the warped axis: multitaper estimates, averaged over equal cells.
 
-use haptograph_signal::Complex64;
-use haptograph_signal::fft;
+use crate::metrics::multitaper::Multitaper;
 use haptograph_signal::filter::butterworth_highpass;
 use haptograph_signal::warped::unwarp;
 use haptograph_surfaces::texture::HIGHPASS_ORDER;
@@ -47,23 +46,22 @@ impl Cells {
 /// Estimates the density of stretches of one length.
 pub(super) struct CellSpectrum {
     rate_hz: f64,
-    tapers: Vec<Vec<f64>>,
+    multitaper: Multitaper,
     /// The divisor of each bin, and the bins below the high-pass.
     highpass: Vec<f64>,
     below: usize,
     /// Bins just above the corner, whose mean stands for those below.
     corner: usize,
-    cells: Cells,
+    pub(super) cells: Cells,
 }
 
 impl CellSpectrum {
     /// An estimator for stretches of `length` samples (at least 2) that were high-passed at `highpass_hz`.
     pub(super) fn new(length: usize, rate_hz: f64, warping: f64, highpass_hz: Option<f64>) -> Self {
-        let taper = |order: usize| {
-            let scale = (2.0 / (length as f64 + 1.0)).sqrt();
-            let angle = PI * (order + 1) as f64 / (length as f64 + 1.0);
-            (1..=length).map(|n| scale * (angle * n as f64).sin()).collect()
-        };
+        let scale = (2.0 / (length as f64 + 1.0)).sqrt();
+        let multitaper = Multitaper::new([length, length, TAPERS.min(length)], |order, n| {
+            scale * (PI * order as f64 / (length as f64 + 1.0) * n as f64).sin()
+        });
         let bins = length / 2 + 1;
         let width_hz = rate_hz / length as f64;
         let filter =
@@ -78,7 +76,7 @@ impl CellSpectrum {
         let below = bin_of(0.9 * cutoff_hz);
         Self {
             rate_hz,
-            tapers: (0..TAPERS.min(length)).map(taper).collect(),
+            multitaper,
             highpass: (0..bins).map(response).collect(),
             below,
             corner: bin_of(1.25 * cutoff_hz).max(below + 1).min(bins),
@@ -90,23 +88,9 @@ impl CellSpectrum {
     ///
     /// Below the high-pass nothing was recorded, so the density is extended from just above it. An all-pole model, which has no
     /// zeros, could not follow a gap.
-    pub(super) fn of(&self, samples: &[f64]) -> Vec<f64> {
-        let length = samples.len();
-        let transform = fft::forward(length);
-        let mut density = vec![0.0; self.highpass.len()];
-        for pair in self.tapers.chunks(2) {
-            // Two real signals in one transform: the sum of their powers is the mean of those at a bin and at its mirror.
-            let second = |n: usize| pair.get(1).map_or(0.0, |taper| taper[n]);
-            let tapered = samples.iter().zip(&pair[0]).enumerate();
-            let mut spectrum: Vec<Complex64> =
-                tapered.map(|(n, (x, w))| Complex64::new(x * w, x * second(n))).collect();
-            transform.process(&mut spectrum);
-            for (bin, density) in density.iter_mut().enumerate() {
-                let mirror = spectrum[(length - bin) % length];
-                *density += 0.5 * (spectrum[bin].norm_sqr() + mirror.norm_sqr());
-            }
-        }
-        let scale = 2.0 / (self.rate_hz * self.tapers.len() as f64);
+    pub(super) fn of(&mut self, samples: &[f64]) -> Vec<f64> {
+        let mut density = self.multitaper.powers(samples, self.highpass.len());
+        let scale = 1.0 / (self.rate_hz * TAPERS.min(samples.len()) as f64);
         for (density, highpass) in density.iter_mut().zip(&self.highpass).skip(self.below) {
             *density *= scale / highpass.max(f64::MIN_POSITIVE);
         }
@@ -114,11 +98,6 @@ impl CellSpectrum {
         let level = corner.iter().sum::<f64>() / corner.len() as f64;
         density[..self.below].fill(level);
         self.means(&density)
-    }
-
-    /// The power of densities over the cells.
-    pub(super) fn power(&self, densities: &[f64]) -> f64 {
-        self.cells.power(densities)
     }
 
     /// Cell means of a density by bins, each bin taken as constant over its width.
@@ -147,9 +126,9 @@ mod tests {
     fn white_noise_has_an_even_density_and_its_own_power() {
         let mut noise = vec![0.0; 20_000];
         Gaussian::new(1).fill(&mut noise);
-        let spectrum = CellSpectrum::new(20_000, 10_000.0, 0.85, None);
+        let mut spectrum = CellSpectrum::new(20_000, 10_000.0, 0.85, None);
         let cells = spectrum.of(&noise);
-        let power = spectrum.power(&cells);
+        let power = spectrum.cells.power(&cells);
         assert!((power - 1.0).abs() < 0.05, "{power}");
         let above = cells[64..].iter().sum::<f64>() / 64.0;
         assert!((above * 5000.0 - 1.0).abs() < 0.1);

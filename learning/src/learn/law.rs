@@ -136,7 +136,7 @@ fn stretches_of(
 ) -> Vec<(SegmentReport, Option<Observation>)> {
     let (signals, rate_hz) = (recording.signals(), recording.rate_hz());
     let span = ((settings.span_s * rate_hz) as usize).clamp(2, recording.samples().max(2));
-    let spectrum = CellSpectrum::new(span, rate_hz, warping, settings.highpass_hz);
+    let mut spectrum = CellSpectrum::new(span, rate_hz, warping, settings.highpass_hz);
     let of = |start: usize| {
         let samples = start..start + span;
         let stretch = &signals.acceleration_m_s2[samples.clone()];
@@ -148,7 +148,7 @@ fn stretches_of(
         };
         let window = (fate == Fate::Kept).then(|| {
             let cells = spectrum.of(stretch);
-            Observation { speed_m_s, force_n, power: spectrum.power(&cells), cells }
+            Observation { speed_m_s, force_n, power: spectrum.cells.power(&cells), cells }
         });
         let segment = SegmentReport {
             recording: number,
@@ -198,7 +198,7 @@ fn long_stretches(
         if length < 2 {
             continue;
         }
-        let spectrum = CellSpectrum::new(length, rate_hz, warping, settings.highpass_hz);
+        let mut spectrum = CellSpectrum::new(length, rate_hz, warping, settings.highpass_hz);
         let signals = recording.signals();
         let span = ((settings.span_s * rate_hz) as usize).clamp(1, length);
         for start in (0..=recording.samples() - length).step_by((length / 2).max(1)) {

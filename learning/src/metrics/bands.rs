@@ -5,7 +5,8 @@
 //! coarser than the narrowest band. Only bands within the rate and with enough degrees of freedom for the
 //! duration are used.
 
-use haptograph_signal::{Complex64, fft};
+use super::multitaper::Multitaper;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// Bands are centred at 1000 · 10^(k/10) Hz, for k from this value to 0: 20 Hz to 1000 Hz.
@@ -92,17 +93,12 @@ impl Bands {
 
     /// Powers of a signal in one or several separate pieces, weighted by length.
     pub fn of_signal<'a>(&self, pieces: impl IntoIterator<Item = &'a [f64]>, rate_hz: f64) -> BandPowers {
-        let mut powers = vec![0.0; self.len()];
-        let mut samples = 0;
-        for piece in pieces {
-            samples += piece.len();
-            let estimate = self.estimate(piece, rate_hz);
-            for (sum, power) in powers.iter_mut().zip(estimate) {
-                *sum += power * piece.len() as f64;
-            }
-        }
-        powers.iter_mut().for_each(|sum| *sum /= samples.max(1) as f64);
-        self.powers(powers)
+        self.estimator(rate_hz).of_signal(pieces)
+    }
+
+    /// What estimates the powers of many signals of a rate.
+    pub(crate) fn estimator(&self, rate_hz: f64) -> Estimator {
+        Estimator { bands: self.clone(), rate_hz, by_length: BTreeMap::new() }
     }
 
     /// Powers of a one-sided density in unit squared per Hz, as a function of frequency.
@@ -132,15 +128,52 @@ impl Bands {
         // K tapers spread a line over K + 1 inverse durations.
         ((narrowest * seconds) as usize).saturating_sub(1).clamp(1, MAX_TAPERS)
     }
+}
+
+/// Estimates powers of signals whose pieces have few lengths: the tapers of a length are made once.
+pub(crate) struct Estimator {
+    pub(crate) bands: Bands,
+    pub(crate) rate_hz: f64,
+    by_length: BTreeMap<usize, Multitaper>,
+}
+
+impl Estimator {
+    /// As [`Bands::of_signal`].
+    pub(crate) fn of_signal<'a>(&mut self, pieces: impl IntoIterator<Item = &'a [f64]>) -> BandPowers {
+        let mut powers = vec![0.0; self.bands.len()];
+        let mut samples = 0;
+        for piece in pieces {
+            samples += piece.len();
+            for (sum, power) in powers.iter_mut().zip(self.estimate(piece)) {
+                *sum += power * piece.len() as f64;
+            }
+        }
+        powers.iter_mut().for_each(|sum| *sum /= samples.max(1) as f64);
+        self.bands.powers(powers)
+    }
 
     /// Multitaper estimate of the power in each band.
-    fn estimate(&self, piece: &[f64], rate_hz: f64) -> Vec<f64> {
-        if piece.is_empty() || self.is_empty() {
-            return vec![0.0; self.len()];
-        }
-        let tapers = self.tapers(piece.len() as f64 / rate_hz);
-        let spectrum = multitaper(piece, tapers);
-        let width_hz = rate_hz / (2 * (spectrum.len() - 1)).max(1) as f64;
+    fn estimate(&mut self, piece: &[f64]) -> Vec<f64> {
+        let Self { bands, rate_hz, by_length } = self;
+        let Some(highest) = bands.bands.last().filter(|_| !piece.is_empty()) else {
+            return vec![0.0; bands.len()];
+        };
+        let length = piece.len();
+        let tapers = bands.tapers(length as f64 / *rate_hz);
+        let size = length.next_power_of_two().max(2);
+        let multitaper = by_length.entry(length).or_insert_with(|| {
+            let scale = (2.0 / (length as f64 + 1.0)).sqrt();
+            Multitaper::new([length, size, tapers], |order, n| {
+                scale * (PI * order as f64 * n as f64 / (length as f64 + 1.0)).sin()
+            })
+        });
+        let width_hz = *rate_hz / size as f64;
+        let bins = (highest.high_hz / width_hz + 0.5) as usize + 1;
+        let mut spectrum = multitaper.powers(piece, bins.min(size / 2 + 1));
+        // The two-sided sum over all bins is the size times the energy; each taper has energy one.
+        let all = 1.0 / (size as f64 * tapers as f64);
+        spectrum.iter_mut().for_each(|power| *power *= all);
+        spectrum.iter_mut().step_by(size / 2).for_each(|own| *own *= 0.5);
         let mut sums = vec![0.0];
         for power in &spectrum {
             sums.push(sums[sums.len() - 1] + power);
@@ -151,7 +184,7 @@ impl Bands {
             let bin = (place as usize).min(spectrum.len() - 1);
             sums[bin] + (place - bin as f64) * spectrum[bin]
         };
-        self.bands.iter().map(|band| below(band.high_hz) - below(band.low_hz)).collect()
+        bands.bands.iter().map(|band| below(band.high_hz) - below(band.low_hz)).collect()
     }
 }
 
@@ -160,39 +193,6 @@ impl Band {
     fn between(low_hz: f64, decades: f64) -> Self {
         Self { centre_hz: low_hz * 10f64.powf(0.5 * decades), low_hz, high_hz: low_hz * 10f64.powf(decades) }
     }
-}
-
-/// Power by bin from 0 to half the rate, one-sided; the sum is the mean square of the tapered signal.
-fn multitaper(signal: &[f64], tapers: usize) -> Vec<f64> {
-    let length = signal.len();
-    let size = length.next_power_of_two().max(2);
-    let transform = fft::forward(size);
-    let mut power = vec![0.0; size / 2 + 1];
-    let mut buffer = vec![Complex64::default(); size];
-    let mut scratch = vec![Complex64::default(); transform.get_inplace_scratch_len()];
-    let scale = (2.0 / (length as f64 + 1.0)).sqrt();
-    let taper = |order: usize, n: usize| {
-        let angle = PI * (order + 1) as f64 * (n + 1) as f64 / (length as f64 + 1.0);
-        scale * angle.sin()
-    };
-    // Two tapers per transform, as real and imaginary part.
-    for first in (0..tapers).step_by(2) {
-        buffer.fill(Complex64::default());
-        for (n, (value, x)) in buffer.iter_mut().zip(signal).enumerate() {
-            let second = if first + 1 < tapers { x * taper(first + 1, n) } else { 0.0 };
-            *value = Complex64::new(x * taper(first, n), second);
-        }
-        transform.process_with_scratch(&mut buffer, &mut scratch);
-        for (bin, power) in power.iter_mut().enumerate() {
-            *power += buffer[bin].norm_sqr() + buffer[(size - bin) % size].norm_sqr();
-        }
-    }
-    // The two-sided sum over all bins is the size times the energy; each taper has energy one.
-    let all = 1.0 / (size as f64 * tapers as f64);
-    power.iter_mut().for_each(|power| *power *= all);
-    power[0] *= 0.5;
-    power[size / 2] *= 0.5;
-    power
 }
 
 /// Powers in bands, in the signal's unit squared.

@@ -11,6 +11,7 @@
 pub(crate) mod bands;
 pub(crate) mod image;
 pub mod level;
+pub(crate) mod multitaper;
 mod pairs;
 pub(crate) mod responsiveness;
 pub mod spectral;

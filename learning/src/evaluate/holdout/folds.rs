@@ -72,6 +72,16 @@ pub struct Part {
     ranges: Vec<Range<usize>>,
 }
 
+/// Rate, as bits, and samples of each piece of the training and the test part.
+pub(super) type Lengths = [(u64, Vec<usize>); 2];
+
+impl Fold {
+    pub(super) fn lengths(&self) -> Lengths {
+        let of = |part: &Part| (part.take.rate_hz().to_bits(), part.ranges.iter().map(Range::len).collect());
+        [of(&self.train), of(&self.test)]
+    }
+}
+
 impl Part {
     /// Each piece as a recording of its own.
     pub(crate) fn recordings(&self) -> Result<Vec<ProcessedRecording>, RecordingError> {

@@ -1,7 +1,9 @@
 //! Error measures between rendered and recorded vibrations.
 
 use super::HoldoutSettings;
+use super::folds::Lengths;
 use super::methods::Player;
+use crate::metrics::bands::Estimator;
 use crate::metrics::level::{envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db};
 use crate::metrics::{BandErrors, BandPowers, Bands, WindowSettings, compare, log_spectral_distance};
 use crate::recording::ProcessedRecording;
@@ -36,26 +38,20 @@ pub struct Measures {
 pub(super) struct Target<'a> {
     train: &'a [ProcessedRecording],
     test: &'a [ProcessedRecording],
-    rate_hz: f64,
-    bands: Bands,
+    pub(super) estimator: Estimator,
     recorded: BandPowers,
 }
 
 impl<'a> Target<'a> {
-    pub(super) fn new(train: &'a [ProcessedRecording], test: &'a [ProcessedRecording]) -> Self {
-        let rate_hz = test.first().map_or(1.0, ProcessedRecording::rate_hz);
-        let bands = Bands::counted(seconds(train).min(seconds(test)), rate_hz);
-        let recorded = bands.of_signal(vibrations(test), rate_hz);
-        Self { train, test, rate_hz, bands, recorded }
-    }
-
-    pub(super) fn bands(&self) -> &Bands {
-        &self.bands
+    pub(super) fn new([train, test]: [&'a [ProcessedRecording]; 2], lengths: &Lengths) -> Self {
+        let mut estimator = estimator(lengths);
+        let recorded = estimator.of_signal(vibrations(test));
+        Self { train, test, estimator, recorded }
     }
 
     /// The training part compared with the test part.
-    pub(super) fn floor(&self) -> Measures {
-        let trained = self.bands.of_signal(vibrations(self.train), self.rate_hz);
+    pub(super) fn floor(&mut self) -> Measures {
+        let trained = self.estimator.of_signal(vibrations(self.train));
         Measures {
             bands: BandErrors::new(&trained, &self.recorded),
             kurtosis: kurtosis(vibrations(self.train)) - kurtosis(vibrations(self.test)),
@@ -73,33 +69,40 @@ impl<'a> Target<'a> {
         });
         left.collect::<Option<Vec<f64>>>().map(|left| mean(&left))
     }
-
-    /// Distance of the estimator itself: between two takes of white noise with the lengths of the two parts,
-    /// and between one of them and the mean over as many seeds as are used.
-    pub(super) fn estimator_db(&self, seeds: u64) -> (f64, f64) {
-        let white = |parts: &[ProcessedRecording], seed: u64| {
-            let mut noise = Gaussian::new(0x5eed ^ seed);
-            let pieces: Vec<Vec<f64>> =
-                parts.iter().map(|part| (0..part.samples()).map(|_| noise.next_sample()).collect()).collect();
-            self.bands.of_signal(pieces.iter().map(Vec::as_slice), self.rate_hz)
-        };
-        let tests: Vec<BandPowers> = (0..seeds.max(STATIONARY)).map(|k| white(self.test, 2 * k)).collect();
-        let mean_of_seeds = BandPowers::mean(&tests);
-        let distances = (0..STATIONARY).map(|k| {
-            let trained = white(self.train, 2 * k + 1);
-            let alone = log_spectral_distance(trained.powers(), tests[k as usize].powers());
-            let against = mean_of_seeds
-                .as_ref()
-                .map_or(0.0, |mean| log_spectral_distance(trained.powers(), mean.powers()));
-            (alone, against)
-        });
-        let (alone, against): (Vec<f64>, Vec<f64>) = distances.unzip();
-        (mean(&alone), mean(&against))
-    }
 }
 
-fn seconds(parts: &[ProcessedRecording]) -> f64 {
-    parts.iter().map(|part| part.samples() as f64 / part.rate_hz()).sum()
+/// Estimates powers in the bands that both parts of a fold resolve.
+fn estimator(lengths: &Lengths) -> Estimator {
+    let [trained_s, tested_s] = lengths.each_ref().map(|(rate_hz, pieces)| {
+        let seconds = pieces.iter().map(|samples| *samples as f64 / f64::from_bits(*rate_hz));
+        seconds.sum::<f64>()
+    });
+    let rate_hz = f64::from_bits(lengths[1].0);
+    Bands::counted(trained_s.min(tested_s), rate_hz).estimator(rate_hz)
+}
+
+/// Distance of the estimator itself: between two takes of white noise with the lengths of the two parts, and between one of
+/// them and the mean over as many seeds as are used.
+pub(super) fn estimator_db(lengths: &Lengths, seeds: u64) -> (f64, f64) {
+    let mut estimator = estimator(lengths);
+    let mut white = |part: usize, seed: u64| {
+        let mut noise = Gaussian::new(0x5eed ^ seed);
+        let pieces = lengths[part].1.iter();
+        let pieces: Vec<Vec<f64>> =
+            pieces.map(|samples| (0..*samples).map(|_| noise.next_sample()).collect()).collect();
+        estimator.of_signal(pieces.iter().map(Vec::as_slice))
+    };
+    let tests: Vec<BandPowers> = (0..seeds.max(STATIONARY)).map(|k| white(1, 2 * k)).collect();
+    let mean_of_seeds = BandPowers::mean(&tests);
+    let distances = (0..STATIONARY).map(|k| {
+        let trained = white(0, 2 * k + 1);
+        let alone = log_spectral_distance(trained.powers(), tests[k as usize].powers());
+        let against =
+            mean_of_seeds.as_ref().map_or(0.0, |mean| log_spectral_distance(trained.powers(), mean.powers()));
+        (alone, against)
+    });
+    let (alone, against): (Vec<f64>, Vec<f64>) = distances.unzip();
+    (mean(&alone), mean(&against))
 }
 
 fn vibrations(parts: &[ProcessedRecording]) -> impl Iterator<Item = &[f64]> {
@@ -137,11 +140,12 @@ fn play_seeds(
 /// Renders a learned texture along the test part and measures the errors.
 pub(super) fn measured(
     player: &Player,
-    target: &Target<'_>,
+    target: &mut Target<'_>,
     settings: &HoldoutSettings,
 ) -> Result<Measures, SynthesisError> {
+    let rate_hz = target.estimator.rate_hz;
     let trajectories: Vec<Trajectory> = target.test.iter().map(ProcessedRecording::trajectory).collect();
-    let recorded: Vec<Vec<f64>> = vibrations(target.test).map(|x| levels_db(x, target.rate_hz)).collect();
+    let recorded: Vec<Vec<f64>> = vibrations(target.test).map(|x| levels_db(x, rate_hz)).collect();
     let (mut powers, mut kurtoses, mut envelopes, mut floors) = (vec![], vec![], vec![], vec![]);
     let mut last: Option<Vec<Vec<f64>>> = None;
     let mut nse_pe = None;
@@ -152,9 +156,9 @@ pub(super) fn measured(
         }
         let played: Vec<Vec<f64>> = ahead.drain(..trajectories.len()).collect();
         let pieces = || played.iter().map(Vec::as_slice);
-        powers.push(target.bands.of_signal(pieces(), target.rate_hz));
+        powers.push(target.estimator.of_signal(pieces()));
         kurtoses.push(kurtosis(pieces()));
-        let levels: Vec<Vec<f64>> = pieces().map(|x| levels_db(x, target.rate_hz)).collect();
+        let levels: Vec<Vec<f64>> = pieces().map(|x| levels_db(x, rate_hz)).collect();
         envelopes.push(envelopes_apart(&levels, &recorded));
         if let Some(last) = &last {
             floors.push(envelopes_apart(&levels, last));
@@ -164,12 +168,9 @@ pub(super) fn measured(
             nse_pe = windowed(&played, target);
         }
     }
-    let bands = match BandPowers::mean(&powers) {
-        Some(powers) => BandErrors::new(&powers, &target.recorded),
-        None => BandErrors::new(&target.recorded, &target.recorded),
-    };
+    let powers = BandPowers::mean(&powers);
     Ok(Measures {
-        bands,
+        bands: BandErrors::new(powers.as_ref().unwrap_or(&target.recorded), &target.recorded),
         kurtosis: mean(&kurtoses) - kurtosis(vibrations(target.test)),
         envelope_db: Some(mean(&envelopes)),
         envelope_floor_db: (!floors.is_empty()).then(|| mean(&floors)),
@@ -184,9 +185,10 @@ fn envelopes_apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 
 /// Window errors, as means over the pieces.
 fn windowed(played: &[Vec<f64>], target: &Target<'_>) -> Option<(f64, f64)> {
-    let windows = WindowSettings::comparison_at(target.rate_hz);
+    let rate_hz = target.estimator.rate_hz;
+    let windows = WindowSettings::comparison_at(rate_hz);
     let found = played.iter().zip(vibrations(target.test)).map(|(played, recorded)| {
-        let found = compare(played, recorded, target.rate_hz, &windows).ok()?;
+        let found = compare(played, recorded, rate_hz, &windows).ok()?;
         Some((found.nse, found.pe))
     });
     let found: Vec<(f64, f64)> = found.collect::<Option<_>>()?;

@@ -69,8 +69,6 @@ pub enum Player {
     Texture(Box<TextureModel>),
     /// Models at points of speed and force; the nearest one is rendered.
     Nearest {
-        /// Rate of the models, Hz.
-        rate_hz: f64,
         /// Speed, force and model.
         models: Vec<([f64; 2], ArmaModel)>,
         /// Inverse standard deviations of speed and force.
@@ -119,7 +117,7 @@ impl Player {
                     .collect();
                 synthesise_many(&voices, 1).map_err(|error| error.source)
             }
-            Self::Nearest { models, scales, .. } => along
+            Self::Nearest { models, scales } => along
                 .iter()
                 .map(|(along, seed)| play_nearest(models, *scales, along, &settings(*seed)))
                 .collect(),
@@ -155,11 +153,7 @@ fn nearest(parts: &[ProcessedRecording], window: usize) -> Result<Player, LearnT
         // With a single model the scale is arbitrary.
         if spread > 0.0 { 1.0 / spread } else { 1.0 / mean(&values).max(1e-6) }
     };
-    Ok(Player::Nearest {
-        rate_hz: parts.first().map_or(0.0, ProcessedRecording::rate_hz),
-        scales: [scale(0), scale(1)],
-        models,
-    })
+    Ok(Player::Nearest { scales: [scale(0), scale(1)], models })
 }
 
 fn play_nearest(

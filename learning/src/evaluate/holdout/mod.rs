@@ -14,20 +14,21 @@ mod methods;
 mod summary;
 
 pub use contact::{Contact, ContactResult, hold_out_contact};
+use folds::Lengths;
 pub use folds::{Fold, Split};
 pub use measures::Measures;
 pub use methods::{BASELINES, Method, Player};
 pub use summary::{BandMean, Holdout, Mean, Measure, MethodMean, SplitResult};
 
-use super::study::{RecordingName, StudyError};
+use super::study::StudyError;
 use crate::learn::TextureMethod;
 use crate::learn::texture::LearnTextureError;
 use crate::processing::{ProcessingSettings, processed};
 use crate::recording::{Gesture, ProcessedRecording, RecordingError};
 use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
-use measures::{Target, measured};
-use std::collections::BTreeMap;
+use measures::{Target, estimator_db, measured};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Settings of a hold-out evaluation.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,13 +116,18 @@ pub fn hold_out(
     let mut jobs = vec![];
     for (number, (name, takes)) in recordings.iter().enumerate() {
         for split in &settings.splits {
-            for fold in split.folds(takes) {
-                jobs.push((number, name, *split, fold));
-            }
+            jobs.extend(split.folds(takes).into_iter().map(|fold| (number, name, *split, fold)));
         }
     }
+    // Many folds have parts of the same lengths.
+    let lengths: BTreeSet<Lengths> = jobs.iter().map(|(.., fold)| fold.lengths()).collect();
+    let by_chance =
+        parallel::map(parallel::cores(), &lengths, &|_| (), |lengths| estimator_db(lengths, settings.seeds));
+    let by_chance: BTreeMap<&Lengths, (f64, f64)> = lengths.iter().zip(by_chance).collect();
     let work = |(number, name, split, fold): (usize, &String, Split, Fold)| {
-        one_fold(number, name, split, &fold, settings)
+        let estimator_db = by_chance.get(&fold.lengths()).copied().unwrap_or_default();
+        let found = one_fold(number, name, split, &fold, settings);
+        found.map(|found| FoldResult { estimator_db, ..found })
     };
     let results = parallel::try_map(parallel::cores(), jobs, progress, work)?;
     Ok(Holdout { materials, seeds: settings.seeds, folds: results })
@@ -140,11 +146,10 @@ fn by_material(
     }
     let mut found: BTreeMap<String, Vec<ProcessedRecording>> = BTreeMap::new();
     for take in drags {
-        let RecordingName { material, .. } = &take.name;
         let recording = processed(&take.recording, &settings.processing).map_err(|source| {
             StudyError::Processing { recording: take.name.to_string(), source: Box::new(source) }
         })?;
-        found.entry(material.clone()).or_default().push(recording);
+        found.entry(take.name.material.clone()).or_default().push(recording);
     }
     Ok(found)
 }
@@ -159,8 +164,8 @@ fn one_fold(
     let part = |source| HoldoutError::Part { material: material.to_owned(), source };
     let train = fold.train.recordings().map_err(part)?;
     let test = fold.test.recordings().map_err(part)?;
-    let target = Target::new(&train, &test);
-    if target.bands().is_empty() {
+    let mut target = Target::new([&train, &test], &fold.lengths());
+    if target.estimator.bands.is_empty() {
         return Err(HoldoutError::TooShort {
             material: material.to_owned(),
             samples: test.iter().map(ProcessedRecording::samples).sum(),
@@ -174,7 +179,7 @@ fn one_fold(
             measures.push(target.floor());
             continue;
         };
-        let found = measured(&player, &target, settings).map_err(|source| HoldoutError::Synthesis {
+        let found = measured(&player, &mut target, settings).map_err(|source| HoldoutError::Synthesis {
             material: material.to_owned(),
             method: method.as_str(),
             source,
@@ -186,7 +191,7 @@ fn one_fold(
         split,
         measures,
         unexplained_level_db: target.unexplained_level_db(),
-        estimator_db: target.estimator_db(settings.seeds),
+        estimator_db: (0.0, 0.0),
     })
 }
 
