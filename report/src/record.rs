@@ -224,7 +224,7 @@ impl Reduction for Recorded {
         match &mut self.content {
             Content::Components(components, spectra) => {
                 for (component, envelope) in components.iter_mut().enumerate() {
-                    envelope.extend(frames.iter().skip(component).step_by(width).copied());
+                    envelope.extend(frames.chunks(width).filter_map(|frame| frame.get(component)).copied());
                 }
                 if let Some(spectra) = spectra {
                     spectra.extend(frames);

@@ -48,30 +48,40 @@ impl Envelope {
 
     /// Adds samples. A sample that is not finite only advances the time.
     pub(crate) fn extend(&mut self, samples: impl IntoIterator<Item = f64>) {
-        for sample in samples {
-            self.push(sample);
-        }
-    }
-
-    fn push(&mut self, sample: f64) {
-        self.samples += 1;
-        self.open_samples += 1;
-        if sample.is_finite() {
-            self.open = (self.open.0.min(sample), self.open.1.max(sample));
-            self.sum += sample;
-            self.sum_of_squares += sample * sample;
-            self.sum_of_sizes += sample.abs();
-            self.present += u64::from(sample != 0.0);
-            self.never_falls &= self.last.is_none_or(|last| last <= sample);
-            self.last = Some(sample);
-        }
-        if self.open_samples == self.stretch {
+        let mut samples = samples.into_iter();
+        while self.fills_open(&mut samples) {
             self.complete.push(self.open);
             (self.open, self.open_samples) = (EMPTY, 0);
             if self.complete.len() == MAX {
                 self.join_neighbours();
             }
         }
+    }
+
+    /// Adds samples to the open interval; false if it is not full at their end.
+    fn fills_open(&mut self, samples: &mut impl Iterator<Item = f64>) -> bool {
+        // Copies stay in registers.
+        let Self { mut open, mut sum, mut sum_of_squares, mut sum_of_sizes, mut present, .. } = *self;
+        let Self { mut open_samples, mut last, mut never_falls, stretch, .. } = *self;
+        while open_samples < stretch
+            && let Some(sample) = samples.next()
+        {
+            open_samples += 1;
+            if sample.is_finite() {
+                open = (open.0.min(sample), open.1.max(sample));
+                sum += sample;
+                sum_of_squares += sample * sample;
+                sum_of_sizes += sample.abs();
+                present += u64::from(sample != 0.0);
+                never_falls &= last.is_none_or(|last| last <= sample);
+                last = Some(sample);
+            }
+        }
+        self.samples += open_samples - self.open_samples;
+        (self.open, self.open_samples, self.last, self.never_falls) = (open, open_samples, last, never_falls);
+        (self.sum, self.sum_of_squares, self.sum_of_sizes) = (sum, sum_of_squares, sum_of_sizes);
+        self.present = present;
+        open_samples == stretch
     }
 
     fn join_neighbours(&mut self) {

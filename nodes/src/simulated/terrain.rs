@@ -4,6 +4,7 @@
 //! cubic B-spline: height, slope and curvature are continuous. The field is the trace of the tool's tip,
 //! with the tip's radius already included.
 
+use crate::vector::add_scaled;
 use haptograph_signal::noise::Gaussian;
 use haptograph_signal::{Complex64, fft};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -11,6 +12,8 @@ use std::sync::Arc;
 
 /// Coefficients along each side of the tile.
 const SIDE: usize = 1024;
+/// Coefficients of a line: its first ones follow its last, so that any four neighbours lie together.
+const LINE: usize = SIDE + 3;
 /// Distance of neighbouring coefficients, m.
 const CELL_M: f64 = 1e-4;
 
@@ -31,7 +34,10 @@ pub struct Relief {
 #[derive(Debug, Clone)]
 pub(crate) struct Terrain {
     coefficients: Arc<[f32]>,
-    highest_m: f64,
+    /// Upper bound of the height, m.
+    pub highest_m: f64,
+    /// Whole numbers below the last point's places, in cells: a tool stays over a cell for many steps.
+    below: [f64; 2],
 }
 
 /// Height and slope at a point.
@@ -69,35 +75,26 @@ impl Terrain {
             }
         }
         transform(&mut field, true);
-        let coefficients: Arc<[f32]> = field.iter().map(|v| v.re as f32).collect();
+        let coefficient = |place: usize| field[place / LINE * SIDE + place % LINE % SIDE].re as f32;
+        let coefficients: Arc<[f32]> = (0..SIDE * LINE).map(coefficient).collect();
         let highest_m = coefficients.iter().fold(0.0_f32, |most, c| most.max(*c)).into();
-        Self { coefficients, highest_m }
-    }
-
-    /// Upper bound of the height, m.
-    pub(crate) fn highest_m(&self) -> f64 {
-        self.highest_m
+        Self { coefficients, highest_m, below: [0.0; 2] }
     }
 
     /// Height and slope at a point in m.
     #[inline]
-    pub(crate) fn at(&self, x_m: f64, y_m: f64) -> Spot {
-        let (column, across, across_slope) = spline(x_m / CELL_M);
-        let (row, along, along_slope) = spline(y_m / CELL_M);
-        let (mut height_m, mut slope) = (0.0, [0.0; 2]);
-        for j in 0..4 {
-            let line = ((row + j) & (SIDE - 1)) * SIDE;
-            let (mut sum, mut sum_slope) = (0.0, 0.0);
-            for i in 0..4 {
-                let c = f64::from(self.coefficients[line + ((column + i) & (SIDE - 1))]);
-                sum += across[i] * c;
-                sum_slope += across_slope[i] * c;
-            }
-            height_m += along[j] * sum;
-            slope[0] += along[j] * sum_slope;
-            slope[1] += along_slope[j] * sum;
+    pub(crate) fn at(&mut self, x_m: f64, y_m: f64) -> Spot {
+        let (column, across) = spline(x_m / CELL_M, &mut self.below[0]);
+        let (row, along) = spline(y_m / CELL_M, &mut self.below[1]);
+        let (mut sums, mut slope) = ([0.0; 2], 0.0);
+        for (j, [along, along_slope]) in along.into_iter().enumerate() {
+            let first = ((row + j) & (SIDE - 1)) * LINE + column;
+            let four = self.coefficients[first..first + 4].iter().zip(across);
+            let line = four.fold([0.0; 2], |sums, (c, across)| add_scaled(sums, across, f64::from(*c)));
+            sums = add_scaled(sums, line, along);
+            slope += along_slope * line[0];
         }
-        Spot { height_m, slope: slope.map(|s| s / CELL_M) }
+        Spot { height_m: sums[0], slope: [sums[1], slope].map(|s| s / CELL_M) }
     }
 }
 
@@ -179,22 +176,24 @@ fn transpose(field: &mut [Complex64]) {
     }
 }
 
-/// First of the four coefficients around a place, their weights and the weights' derivatives by the place.
+/// First of the four coefficients around a place, their weights and the weights' derivatives by the place. `below` is a guess of the
+/// whole number below the place, and then is it.
 #[inline]
-fn spline(place: f64) -> (usize, [f64; 4], [f64; 4]) {
-    let below = place.floor();
-    let t = place - below;
+fn spline(place: f64, below: &mut f64) -> (usize, [[f64; 2]; 4]) {
+    // What depends on the whole number alone is known before the place is, where it is guessed right.
+    if !(0.0..1.0).contains(&(place - *below)) {
+        *below = place.floor();
+    }
+    let t = place - *below;
     let s = 1.0 - t;
     let weights = [
-        s * s * s / 6.0,
-        (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0,
-        (4.0 - 3.0 * s * s * (2.0 - s)) / 6.0,
-        t * t * t / 6.0,
+        [s * s * s / 6.0, -0.5 * s * s],
+        [(4.0 - 3.0 * t * t * (2.0 - t)) / 6.0, -0.5 * t * (4.0 - 3.0 * t)],
+        [(4.0 - 3.0 * s * s * (2.0 - s)) / 6.0, 0.5 * s * (4.0 - 3.0 * s)],
+        [t * t * t / 6.0, 0.5 * t * t],
     ];
-    let slopes = [-0.5 * s * s, -0.5 * t * (4.0 - 3.0 * t), 0.5 * s * (4.0 - 3.0 * s), 0.5 * t * t];
     // The tile repeats: whole numbers modulo its side, negative ones too.
-    let first = (below as i64 - 1).rem_euclid(SIDE as i64) as usize;
-    (first, weights, slopes)
+    ((*below as i64).wrapping_sub(1) as usize & (SIDE - 1), weights)
 }
 
 #[cfg(test)]
@@ -207,7 +206,7 @@ mod tests {
 
     #[test]
     fn heights_have_the_rms_and_the_slopes_are_their_derivative() {
-        let terrain = Terrain::new(&RELIEF, 1);
+        let mut terrain = Terrain::new(&RELIEF, 1);
         let mut square = 0.0;
         for k in 0..20_000 {
             let (x, y) = (f64::from(k) * 3.7e-5 - 0.3, f64::from(k) * 2.3e-6 + 0.01);
@@ -219,14 +218,14 @@ mod tests {
                 (terrain.at(x, y + step_m).height_m - terrain.at(x, y - step_m).height_m) / (2.0 * step_m),
             ];
             assert!(slope.iter().zip(here.slope).all(|(a, b)| (a - b).abs() < 1e-6));
-            assert!(here.height_m <= terrain.highest_m());
+            assert!(here.height_m <= terrain.highest_m);
         }
         assert!((square.sqrt() / 1e-5 - 1.0).abs() < 0.03, "{}", square.sqrt());
     }
 
     #[test]
     fn the_tile_has_no_seam() {
-        let terrain = Terrain::new(&RELIEF, 2);
+        let mut terrain = Terrain::new(&RELIEF, 2);
         let period_m = SIDE as f64 * CELL_M;
         for (x, y) in [(0.0, 0.0), (1e-3, -2e-3), (-0.05, 0.03)] {
             let (a, b) = (terrain.at(x, y), terrain.at(x + period_m, y - period_m));
@@ -239,7 +238,7 @@ mod tests {
     #[test]
     fn a_finer_relief_is_finer_along_any_way() {
         let centroid = |fineness_per_m: f64| {
-            let terrain = Terrain::new(&Relief { fineness_per_m, grain: 0.0, ..RELIEF }, 3);
+            let mut terrain = Terrain::new(&Relief { fineness_per_m, grain: 0.0, ..RELIEF }, 3);
             let (sin, cos) = 0.63_f64.sin_cos();
             let profile: Vec<f64> = (0..65_536)
                 .map(|k| f64::from(k) * 5e-5)

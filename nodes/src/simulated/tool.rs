@@ -236,7 +236,7 @@ impl SimulatedTool {
     fn surface(&mut self, step_s: f64) -> Vec3 {
         let [x, y, z] = self.tip.position_m;
         let [u, v, w] = self.tip.velocity_m_s;
-        if z > self.terrain.highest_m() {
+        if z > self.terrain.highest_m {
             self.bristle_m = [0.0; 2];
             return ZERO;
         }

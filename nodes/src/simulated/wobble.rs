@@ -14,18 +14,20 @@ const PLACES: usize = 8;
 pub(crate) struct Wobble {
     turn_rad_s: [f64; PLACES],
     phase_rad: [f64; PLACES],
+    /// Cosines of the phases.
+    before: [f64; PLACES],
 }
 
 impl Wobble {
     /// A function with frequencies between two limits in Hz, one of its tones in each fifth of the band.
     pub(crate) fn new(low_hz: f64, high_hz: f64, rng: &mut Xoshiro256PlusPlus) -> Self {
         let band = (high_hz - low_hz) / TONES as f64;
-        let mut wobble = Self { turn_rad_s: [0.0; PLACES], phase_rad: [0.0; PLACES] };
+        let mut wobble = Self { turn_rad_s: [0.0; PLACES], phase_rad: [0.0; PLACES], before: [0.0; PLACES] };
         for i in 0..TONES {
             let frequency_hz = low_hz + band * (i as f64 + rng.random::<f64>());
             (wobble.turn_rad_s[i], wobble.phase_rad[i]) = (TAU * frequency_hz, TAU * rng.random::<f64>());
         }
-        wobble
+        Self { before: wobble.cosines(0.0), ..wobble }
     }
 
     /// The values of several at a time in s: their tones fill the vectors together.
@@ -37,11 +39,14 @@ impl Wobble {
 
     /// The integral from time 0 to a time in s.
     pub(crate) fn integral(&self, time_s: f64) -> f64 {
-        let mut cosines = [self.angles(0.0, FRAC_PI_2), self.angles(time_s, FRAC_PI_2)];
-        sines(cosines.as_flattened_mut());
-        let [before, after] = cosines;
-        let tones = before.iter().zip(after).zip(self.turn_rad_s).take(TONES);
+        let tones = self.before.iter().zip(self.cosines(time_s)).zip(self.turn_rad_s).take(TONES);
         tones.map(|((before, after), turn)| (before - after) / turn).sum::<f64>() * amplitude()
+    }
+
+    fn cosines(&self, time_s: f64) -> [f64; PLACES] {
+        let mut angles = self.angles(time_s, FRAC_PI_2);
+        sines(&mut angles);
+        angles
     }
 
     fn angles(&self, time_s: f64, ahead_rad: f64) -> [f64; PLACES] {

@@ -161,8 +161,6 @@ impl FileSink for Session {
             }),
             position: VecDeque::new(),
             turned: VecDeque::new(),
-            second: 3 * voltage.rate.hz() as u64,
-            since: 0,
             flushed_at: Instant::now(),
         }))
     }
@@ -191,9 +189,6 @@ struct Writer {
     /// Incomplete poses, for a CSV file.
     position: VecDeque<[f64; 3]>,
     turned: VecDeque<[f64; 4]>,
-    /// Accelerometer readings per second, and those since the last write.
-    second: u64,
-    since: u64,
     flushed_at: Instant,
 }
 
@@ -204,13 +199,15 @@ fn spool(spool: &mut Spool, stream: usize, frames: &[f64]) -> io::Result<()> {
     match stream {
         0 => spool.write(Member::PositionM, frames),
         1 => {
-            let mut turns = frames.as_chunks().0.iter();
-            turns.try_for_each(|turned| spool.write(Member::Orientation, &from_rotation_vector(*turned)))
+            let turns: Vec<_> = frames.as_chunks().0.iter().map(|turn| from_rotation_vector(*turn)).collect();
+            spool.write(Member::Orientation, turns.as_flattened())
         }
-        2 => frames.as_chunks::<6>().0.iter().try_for_each(|load| {
-            spool.write(Member::ForceN, &load[..3])?;
-            spool.write(Member::TorqueNM, &load[3..])
-        }),
+        2 => {
+            let halves = frames.as_chunks::<3>().0.chunks_exact(2);
+            let (forces, torques): (Vec<_>, Vec<_>) = halves.map(|load| (load[0], load[1])).unzip();
+            spool.write(Member::ForceN, forces.as_flattened())?;
+            spool.write(Member::TorqueNM, torques.as_flattened())
+        }
         _ => spool.write(Member::AccelerationV, frames),
     }
 }
@@ -260,10 +257,8 @@ impl FrameWriter for Writer {
         if let Some(visits) = &mut self.visits {
             visits.take(stream, frames);
         }
-        self.since += if stream == 3 { frames.len() as u64 } else { 0 };
-        if self.since >= self.second || self.flushed_at.elapsed() >= PACE {
+        if self.flushed_at.elapsed() >= PACE {
             self.flush()?;
-            self.since = 0;
             self.flushed_at = Instant::now();
         }
         Ok(())

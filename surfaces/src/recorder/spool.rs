@@ -65,8 +65,8 @@ impl Spool {
     /// # Errors
     /// An error of the file system.
     pub fn write(&mut self, member: Member, numbers: &[f64]) -> io::Result<()> {
-        let file = &mut self.files[member as usize];
-        numbers.iter().try_for_each(|x| file.write_all(&x.to_le_bytes()))
+        let bytes: Vec<[u8; 8]> = numbers.iter().map(|x| x.to_le_bytes()).collect();
+        self.files[member as usize].write_all(bytes.as_flattened())
     }
 
     /// Flushes the buffers and returns the files, so that the caller can sync them.

@@ -6,7 +6,7 @@
 //! about the edge and the corner they share and nothing slips between them.
 
 use super::Hit;
-use crate::vector::{Vec3, add_scaled, direction, dot, reject, sub};
+use crate::vector::{Vec3, add_scaled, direction, dot, norm, reject, sub};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::Bvh;
@@ -41,6 +41,9 @@ struct Part {
     triangle: u32,
 }
 
+/// Length of a segment relative to the whole below which boxes are compared with its own box alone: what else that lets in is
+/// sooner met by [`crossing`] than kept out.
+const SHORT: f64 = 0.05;
 /// Times that a triangle is halved at most.
 const HALVINGS: usize = 5;
 /// Number of parts from which on none is halved.
@@ -154,9 +157,10 @@ impl Index {
         mut visit: impl FnMut(Hit),
     ) {
         let segment = Segment::new(a, b);
+        let is_short = self.nodes.first().is_some_and(|all| norm(segment.half) < SHORT * norm(all.half));
         self.walk(
             &mut (),
-            |(), node| Some(segment.touches(node)),
+            |(), node| Some(if is_short { segment.is_beside(node) } else { segment.touches(node) }),
             |(), triangle| {
                 let corners = triangles[triangle as usize].map(|i| vertices[i as usize]);
                 if let Some(fraction) = crossing(corners, a, b) {
@@ -241,15 +245,20 @@ impl Segment {
         }
     }
 
-    /// True if the triangle touches a box (separating axes).
+    /// True if the box around the segment touches a box.
+    #[inline]
+    fn is_beside(&self, node: &Node) -> bool {
+        !(0..3).any(|i| (self.middle[i] - node.centre[i]).abs() > node.half[i] + self.half[i].abs())
+    }
+
+    /// True if the segment touches a box (separating axes).
     #[inline]
     pub(super) fn touches(&self, node: &Node) -> bool {
         let (m, half) = (sub(self.middle, node.centre), self.half);
         let (e, d) = (node.half, half.map(f64::abs));
-        let apart = |i: usize| m[i].abs() > e[i] + d[i];
         let apart_across =
             |i: usize, j: usize| (m[i] * half[j] - m[j] * half[i]).abs() > e[i] * d[j] + e[j] * d[i];
-        !(apart(0) || apart(1) || apart(2) || apart_across(1, 2) || apart_across(2, 0) || apart_across(0, 1))
+        self.is_beside(node) && !(apart_across(1, 2) || apart_across(2, 0) || apart_across(0, 1))
     }
 }
 
