@@ -68,26 +68,34 @@ impl Law {
         }
     }
 
-    /// The outputs for a tile of each input.
+    /// The outputs of a law of one input for a tile.
     #[inline(always)]
-    fn of_tile<S: Simd, const N: usize>(self, simd: S, a: [S::f64s; N], b: [S::f64s; N]) -> [S::f64s; N] {
+    fn of_tile<S: Simd, const N: usize>(self, simd: S, x: [S::f64s; N]) -> [S::f64s; N] {
         match self {
             Self::Scale(factor) => {
                 let factor = simd.splat_f64s(factor);
-                of_each(a, b, |a, _| simd.mul_f64s(factor, a))
+                of_each(x, x, |x, _| simd.mul_f64s(factor, x))
             }
             Self::Offset(offset) => {
                 let offset = simd.splat_f64s(offset);
-                of_each(a, b, |a, _| simd.add_f64s(a, offset))
+                of_each(x, x, |x, _| simd.add_f64s(x, offset))
             }
             Self::Clamp(lowest, highest) => {
                 let (lowest, highest) = (simd.splat_f64s(lowest), simd.splat_f64s(highest));
-                of_each(a, b, |a, _| {
-                    let above = simd.select_f64s(simd.less_than_f64s(a, lowest), lowest, a);
+                of_each(x, x, |x, _| {
+                    let above = simd.select_f64s(simd.less_than_f64s(x, lowest), lowest, x);
                     simd.select_f64s(simd.greater_than_f64s(above, highest), highest, above)
                 })
             }
-            Self::Absolute => of_each(a, b, |a, _| simd.abs_f64s(a)),
+            Self::Absolute => of_each(x, x, |x, _| simd.abs_f64s(x)),
+            Self::Sum | Self::Difference | Self::Product | Self::Quotient | Self::Mix(..) => x,
+        }
+    }
+
+    /// The same of a law of two inputs.
+    #[inline(always)]
+    fn of_tiles<S: Simd, const N: usize>(self, simd: S, a: [S::f64s; N], b: [S::f64s; N]) -> [S::f64s; N] {
+        match self {
             Self::Sum => of_each(a, b, |a, b| simd.add_f64s(a, b)),
             Self::Difference => of_each(a, b, |a, b| simd.sub_f64s(a, b)),
             Self::Product => of_each(a, b, |a, b| simd.mul_f64s(a, b)),
@@ -99,6 +107,7 @@ impl Law {
                 let (first, second) = (simd.splat_f64s(first), simd.splat_f64s(second));
                 of_each(a, b, |a, b| simd.add_f64s(simd.mul_f64s(first, a), simd.mul_f64s(second, b)))
             }
+            Self::Scale(_) | Self::Offset(_) | Self::Clamp(..) | Self::Absolute => a,
         }
     }
 }
@@ -224,15 +233,23 @@ impl Apply<'_> {
         let last = self.steps.len().wrapping_sub(1);
         for (number, step) in self.steps.iter().enumerate() {
             let Some(law) = step.law else { continue };
-            let a = match step.from == latest_at {
-                true => latest,
-                false => load::<S, N>(&self.memory[step.from as usize + at..], latest),
-            };
-            let b = match law.inputs() == 1 || step.with == latest_at {
-                true => latest,
-                false => load::<S, N>(&self.memory[step.with as usize + at..], latest),
-            };
-            latest = law.of_tile(simd, a, b);
+            let from = |place: u32| &self.memory[place as usize + at..];
+            // A second tile takes registers, which a law of one input leaves to the first.
+            if law.inputs() == 1 {
+                if step.from != latest_at {
+                    latest = tile::<S, N>(from(step.from), latest);
+                }
+                latest = law.of_tile(simd, latest);
+            } else {
+                let mut with = latest;
+                if step.with != latest_at {
+                    with = tile::<S, N>(from(step.with), latest);
+                }
+                if step.from != latest_at {
+                    latest = tile::<S, N>(from(step.from), latest);
+                }
+                latest = law.of_tiles(simd, latest, with);
+            }
             latest_at = step.to;
             if !step.is_inner || number == last {
                 let place = &mut self.memory[step.to as usize + at..][..samples];
@@ -246,7 +263,7 @@ impl Apply<'_> {
 
 /// The first `N` vectors of samples.
 #[inline(always)]
-fn load<S: Simd, const N: usize>(samples: &[f64], otherwise: [S::f64s; N]) -> [S::f64s; N] {
+fn tile<S: Simd, const N: usize>(samples: &[f64], otherwise: [S::f64s; N]) -> [S::f64s; N] {
     match S::as_simd_f64s(&samples[..N * S::F64_LANES]).0.first_chunk() {
         Some(vectors) => *vectors,
         None => otherwise,
