@@ -129,3 +129,41 @@ fn a_setting_that_changes_within_a_chain_ramps_in_it() {
     };
     assert_eq!(run(1), run(40));
 }
+
+#[test]
+fn a_changed_graph_takes_over_at_the_frame_at_which_a_ramp_ends_in_any_block() {
+    let graph = |more: &str, last: &str| {
+        graph(&format!(
+            r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 8000) }}, nodes: {{
+                "n": Sine(clock: "audio", frequency_hz: 440, amplitude: 1, quantity: "number"),
+                "a": Gain(input: "n", gain: 1), {more} "z": LowPass(input: "{last}", cutoff_hz: 900) }})"#
+        ))
+    };
+    let (before, after) = (graph("", "a"), graph(r#""b": HighPass(input: "a", cutoff_hz: 30),"#, "b"));
+    let run = |block: usize| -> Vec<u64> {
+        let (mut player, mut session) =
+            Player::open(&before, &SessionOptions::default().block(64).probe("z.output")).expect("it runs");
+        let mut probe = session.probe::<f64>("z.output").expect("it is handed over");
+        let mut all: Vec<f64> = Vec::new();
+        for done in (0..720).step_by(block) {
+            if done == 240 {
+                session.set_by_name("a.gain", 0.5).expect("it is live");
+            }
+            if done == 360 {
+                session.change_without_files(&after).expect("it can take over");
+                if let Ok(next) = session.probe::<f64>("z.output") {
+                    probe = next;
+                }
+            }
+            player.process(block);
+            let mut frames = [0.0; 256];
+            let count = probe.read(&mut frames);
+            all.extend(&frames[..count]);
+        }
+        all.into_iter().map(f64::to_bits).collect()
+    };
+    let frame_by_frame = run(1);
+    for block in [2, 24, 40, 60] {
+        assert!(run(block) == frame_by_frame, "blocks of {block}");
+    }
+}

@@ -24,6 +24,8 @@ pub use design::{
 pub use lanes::SectionLanes;
 
 use crate::Complex64;
+use crate::instructions::arch;
+use pulp::Arch;
 use wavefront::{NARROWEST, SHORTEST, WIDEST};
 
 /// Interval in samples at which a recursive state is checked for silence.
@@ -184,7 +186,7 @@ impl SectionsState {
 
     /// Filters `y` in place.
     pub fn process_in_place(&mut self, y: &mut [f64]) {
-        Self::process_together(&mut [Some(self)], y);
+        Self::process_together(arch(), &mut [Some(self)], y);
     }
 
     /// The output for one sample.
@@ -199,17 +201,21 @@ impl SectionsState {
     /// Filters `y` in place by one filter after the other, with the bits of each by itself, but sections of several side by
     /// side. Real-time code.
     pub fn process_chain<'a>(chain: impl Iterator<Item = &'a mut Self>, y: &mut [f64]) {
+        Self::process_chain_by(arch(), chain, y);
+    }
+
+    fn process_chain_by<'a>(arch: Arch, chain: impl Iterator<Item = &'a mut Self>, y: &mut [f64]) {
         let mut chain = chain.fuse();
         loop {
             let mut group: [Option<&mut Self>; WIDEST] = std::array::from_fn(|_| chain.next());
             if group[0].is_none() {
                 break;
             }
-            Self::process_together(&mut group, y);
+            Self::process_together(arch, &mut group, y);
         }
     }
 
-    fn process_together(group: &mut [Option<&mut Self>], y: &mut [f64]) {
+    fn process_together(arch: Arch, group: &mut [Option<&mut Self>], y: &mut [f64]) {
         let sections: usize = group.iter().flatten().map(|filter| filter.sections.len()).sum();
         let mut rest = y;
         while !rest.is_empty() {
@@ -218,7 +224,7 @@ impl SectionsState {
             let mut chain = group.iter_mut().flatten().flat_map(|filter| &mut *filter.sections);
             match sections < NARROWEST || block.len() < SHORTEST {
                 true => chain.for_each(|section| section.process_in_place(block)),
-                false => wavefront::process(&mut chain, block),
+                false => wavefront::process(arch, &mut chain, block),
             }
             for filter in group.iter_mut().flatten() {
                 filter.since_settled += block.len();

@@ -121,10 +121,15 @@ fn compile(folder: &Path, text: &str, rounding: Rounding, without_avx512: bool) 
         Rounding::Strict => &["-ffp-contract=off", "-fno-fast-math"],
         Rounding::Fast => &["-ffast-math"],
     };
-    let mut gcc = Command::new("gcc");
-    gcc.args(["-O3", "-march=native", "-shared", "-fPIC", "work.c", "-o", "work.so", "-lm"]).args(flags);
+    let mut compiler = Command::new("gcc");
+    compiler.args(["-O3", "-march=native", "-fPIC", "-c", "work.c", "-o", "work.o"]).args(flags);
     if without_avx512 {
-        gcc.arg("-mno-avx512f");
+        compiler.arg("-mno-avx512f");
     }
-    (succeeds(Command::new("faust").args(faust)) && succeeds(&mut gcc)).then(|| folder.join("work.so"))
+    // Linked with -ffast-math, the library would let the processor round denormals of every contestant to zero.
+    let linked = ["-shared", "work.o", "-o", "work.so", "-lm"];
+    let is_made = succeeds(Command::new("faust").args(faust))
+        && succeeds(&mut compiler)
+        && succeeds(Command::new("gcc").args(linked));
+    is_made.then(|| folder.join("work.so"))
 }

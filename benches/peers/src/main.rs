@@ -165,7 +165,7 @@ fn agree(contestants: &mut [Box<dyn Contestant>], tolerance: f64) -> bool {
         let output = contestant.output();
         let worst = output.iter().zip(&reference).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
         // NaN agrees with nothing.
-        if worst.is_nan() || worst > tolerance * peak {
+        if output.iter().any(|y| y.is_nan()) || worst > tolerance * peak {
             println!(
                 "   {} puts out something else: {worst:.3e} off, at a peak of {peak:.3e}",
                 contestant.name()

@@ -175,9 +175,14 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// True if the processor computes single frames, or longer blocks, without ports, by itself or with those behind it.
-    pub(crate) fn runs_without_ports(&self, single: bool) -> bool {
-        if single { self.singles > 0 } else { self.lawful > 0 || self.cascades > 1 }
+    /// True if the processor computes this many frames without ports, by itself or with those behind it.
+    pub(crate) fn runs_without_ports(&self, frames: usize) -> bool {
+        if frames == 1 { self.singles > 0 } else { self.lawful > 0 || self.is_cascade(frames) }
+    }
+
+    /// True if it filters this many frames together with those behind it: fewer filters, or frames, run faster one by one.
+    pub(crate) fn is_cascade(&self, frames: usize) -> bool {
+        self.cascades >= 4 && frames >= 32
     }
 
     /// True if the steps are equal except for the node's number.

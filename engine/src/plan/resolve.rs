@@ -89,7 +89,8 @@ pub(super) fn join(plan: &mut Plan) {
             step.singles = u32::from(found.is_some());
             step.lawful = u32::from(found.is_some_and(|found| found.law.is_some()));
             let cascade = plan.processors[index as usize].cascade();
-            step.cascades = u32::from(cascade.is_some() && step.wires.scalars(1).is_some());
+            let has_input = !step.wires.inputs.is_empty() && step.wires.scalars(1).is_some();
+            step.cascades = u32::from(cascade.is_some() && has_input);
             plan.laws.push(LawStep { is_inner: step.is_inner, ..found.unwrap_or(NONE) });
         }
     }

@@ -470,9 +470,10 @@ impl Player {
     /// Starts the pending swap or stops, when the present ramps and fades have ended.
     fn change_over(&mut self) {
         if !self.ending.is_stopping
-            && self.ramps.is_empty()
+            && self.ramps.are_over(self.run.driver_frames())
             && let Some(mut next) = self.swaps.next.take_if(|next| next.mode == SwapMode::CrossFade)
         {
+            self.ramps.finish(&mut self.run);
             next.cross_fade(&mut self.run, FADE_S, &self.swaps.hottest);
             next.rings.take_over(&mut self.listeners.taps);
             self.swaps.former = Some(next);

@@ -66,9 +66,9 @@ impl ParamRamps {
         usize::try_from(next).unwrap_or(usize::MAX)
     }
 
-    /// True if no ramp is in progress.
-    pub(super) fn is_empty(&self) -> bool {
-        self.list.is_empty()
+    /// True if no ramp is in progress at this frame; one that has reached its end may not have set it yet.
+    pub(super) fn are_over(&self, now: u64) -> bool {
+        self.list.iter().all(|ramp| now.saturating_sub(ramp.begin) >= ramp.frames)
     }
 
     /// Sets all ramps to their ends, before the plan is replaced.

@@ -53,7 +53,7 @@ impl State {
                         let memory = &mut self.memory.all_mut()[window.offset..];
                         laws::apply(&self.laws.steps[first..first + lawful], memory, window.count);
                         lawful
-                    } else if window.count > 1 && step.cascades > 1 && !tracing {
+                    } else if step.is_cascade(window.count) && !tracing && !W::STEPWISE {
                         let cascades = (step.cascades as usize).min(range.end - number);
                         self.cascade(first..first + cascades, window);
                         cascades
@@ -137,11 +137,10 @@ impl State {
         }
         let tick = tick(window, period_s);
         let tracing = self.faults.counts.tracing;
-        let single = window.count == 1 && !tracing;
         let memory = self.memory.all_mut();
         for (done, (step, processor)) in steps.iter().zip(&mut self.processors[first..]).enumerate() {
             // Never the first one.
-            if done > 0 && !tracing && step.runs_without_ports(single) {
+            if done > 0 && !tracing && step.runs_without_ports(window.count) {
                 return done;
             }
             processor.process(&tick, window.offset, &step.wires, memory);

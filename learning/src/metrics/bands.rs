@@ -168,7 +168,7 @@ impl Estimator {
             })
         });
         let width_hz = *rate_hz / size as f64;
-        let bins = (highest.high_hz / width_hz + 0.5) as usize + 1;
+        let bins = ((highest.high_hz / width_hz + 0.5) as usize).saturating_add(1);
         let mut spectrum = multitaper.powers(piece, bins.min(size / 2 + 1));
         // The two-sided sum over all bins is the size times the energy; each taper has energy one.
         let all = 1.0 / (size as f64 * tapers as f64);

@@ -326,8 +326,12 @@ fn sections_side_by_side_have_the_bits_of_each_by_itself() {
         .collect();
     let designs =
         |count: usize| (0..count).map(|k| butterworth_highpass(1 + k % 5, 30.0 + k as f64, 8000.0).unwrap());
-    for count in 1..=24 {
-        for block in [1, 5, 11, 12, 13, 17, 48, 64, 400] {
+    // As this processor does it, and others do.
+    let mut archs = vec![pulp::Arch::new(), pulp::Arch::Scalar];
+    #[cfg(target_arch = "x86_64")]
+    archs.extend(pulp::x86::V3::try_new().map(pulp::Arch::V3));
+    for (count, arch) in (1..=24).flat_map(|count| archs.iter().map(move |arch| (count, *arch))) {
+        for block in [1, 5, 13, 16, 17, 23, 48, 64, 400] {
             let mut filters: Vec<SectionsState> =
                 designs(count).map(|filter| SectionsState::new(&filter)).collect();
             let (mut alone, mut chained) = (input.clone(), input.clone());
@@ -337,9 +341,9 @@ fn sections_side_by_side_have_the_bits_of_each_by_itself() {
             for filter in &mut filters.clone() {
                 alone.iter_mut().for_each(|y| *y = filter.sample(*y));
             }
-            chained
-                .chunks_mut(block)
-                .for_each(|block| SectionsState::process_chain(filters.iter_mut(), block));
+            for block in chained.chunks_mut(block) {
+                SectionsState::process_chain_by(arch, filters.iter_mut(), block);
+            }
             let bits = |y: &[f64]| -> Vec<u64> {
                 y.iter().map(|y| if y.is_nan() { f64::NAN.to_bits() } else { y.to_bits() }).collect()
             };

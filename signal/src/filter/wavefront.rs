@@ -4,8 +4,7 @@
 //! Each section computes what [`Running::process`] does, with the same bits.
 
 use super::{Running, SETTLE};
-use crate::instructions::arch;
-use pulp::{Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Maximum number of sections side by side.
 pub(super) const WIDEST: usize = 16;
@@ -14,13 +13,17 @@ pub(super) const NARROWEST: usize = 4;
 pub(super) const SHORTEST: usize = WIDEST;
 
 /// Filters a block of [`SHORTEST`] to [`SETTLE`] samples in place by one section after the other.
-pub(super) fn process<'a>(mut sections: impl Iterator<Item = &'a mut Running>, block: &mut [f64]) {
+pub(super) fn process<'a>(
+    arch: Arch,
+    mut sections: impl Iterator<Item = &'a mut Running>,
+    block: &mut [f64],
+) {
     loop {
         let mut group: Group<'_> = std::array::from_fn(|_| sections.next());
         match group.iter().flatten().count() {
             0 => return,
             count if count < NARROWEST => one_by_one(&mut group, block),
-            count => arch().dispatch(Wavefront { count, group: &mut group, block }),
+            count => arch.dispatch(Wavefront { count, group: &mut group, block }),
         }
     }
 }
