@@ -8,7 +8,7 @@ mod skip;
 /// The files of a sub-folder, sorted; none, saying so, without the toolkit.
 pub fn hatt_files(folder: &str) -> Vec<PathBuf> {
     let Some(root) = std::env::var_os("HATT_DIR") else {
-        skip::tell("HATT_DIR names no folder of the toolkit's files");
+        skip::skip("HATT_DIR names no folder of the toolkit's files");
         return Vec::new();
     };
     let mut files = haptograph_signal::files::list(&Path::new(&root).join(folder));

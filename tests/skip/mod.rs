@@ -7,14 +7,8 @@ use std::io::Write;
 ///
 /// # Panics
 /// Where nothing may be skipped.
-#[allow(dead_code, reason = "some tests want only what cannot be installed")]
 pub fn skip(why: &str) {
     assert!(std::env::var_os("HAPTOGRAPH_NO_SKIPS").is_none(), "skipped: {why}");
-    tell(why);
-}
-
-/// Says that a test is skipped for want of what no machine can install.
-pub fn tell(why: &str) {
     // A skip is no failure, nor is a closed standard error.
     let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
 }
