@@ -42,7 +42,7 @@ pub(super) struct Arguments {
     pooling: PoolingArgument,
     /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes),
     /// test on the rest, and show all measures beside a floor, the thesis's method and plain baselines; also
-    /// taps, friction and stiffness by speed and force. Takes about 20 s for each material with four takes of
+    /// taps, friction and stiffness by speed and force. Takes about 2 s for each material with four takes of
     /// 6 s on two cores; a terminal shows a progress bar
     #[arg(long, conflicts_with = "pooling")]
     holdout: bool,
