@@ -161,25 +161,20 @@ impl SectionsState {
     pub fn process(&mut self, x: &[f64], y: &mut [f64]) {
         let length = x.len().min(y.len());
         let (mut x, mut y) = (&x[..length], &mut y[..length]);
-        let sections = self.sections.len();
-        let Some((first, later)) = self.sections.split_first_mut().filter(|_| sections < NARROWEST) else {
+        if self.sections.is_empty() || self.sections.len() >= NARROWEST {
             y.copy_from_slice(x);
             return self.process_in_place(y);
-        };
+        }
         // Without a copy first: its wide loads would stall on samples that were stored one by one just before.
         while !x.is_empty() {
             let (now, later_x) = x.split_at(x.len().min(SETTLE - self.since_settled));
             let (block, later_y) = y.split_at_mut(now.len());
-            first.process(now.iter().copied().zip(&mut *block));
-            for section in &mut *later {
-                section.process_in_place(block);
+            if let Some((first, later)) = self.sections.split_first_mut() {
+                first.process(now.iter().copied().zip(&mut *block));
+                later.iter_mut().for_each(|section| section.process_in_place(block));
             }
             self.since_settled += now.len();
-            if self.since_settled == SETTLE {
-                self.since_settled = 0;
-                first.settle();
-                later.iter_mut().for_each(Running::settle);
-            }
+            self.settle_in_time();
             (x, y) = (later_x, later_y);
         }
     }

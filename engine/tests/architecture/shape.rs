@@ -14,7 +14,7 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 10] = [
-    ("signal", 5_820, 4_800),
+    ("signal", 5_810, 4_800),
     ("engine", 19_470, 15_500),
     ("surfaces", 6_750, 6_000),
     ("learning", 13_800, 9_500),
