@@ -269,7 +269,8 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
             assert!(held * 20 < actuator.clipped.ticks, "{name}: {actuator:?}");
         }
         let loudest = loudest(folder.path());
-        assert!((0.2..20.0).contains(&loudest), "{name}: {loudest}");
+        // Grain has peaks.
+        assert!((0.2..40.0).contains(&loudest), "{name}: {loudest}");
         seen += 1;
     }
     assert_eq!(seen, 15);

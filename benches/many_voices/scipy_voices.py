@@ -5,7 +5,7 @@
 
 Both render the same work: 64 voices of a surface of order 20 at 10 kHz, each along a random walk of its own through speed and
 force, coefficients updated at 240 Hz. One surface is learned by the thesis's method: noise through a filter on the plain frequency
-axis, the same arithmetic on both sides. The other one is shipped, with its crackle and its high-pass.
+axis, the same arithmetic on both sides. The other one is shipped, with its grain and its high-pass.
 
 The script in NumPy and SciPy is written to be fast: everything that can be is done for all voices and updates at once. The filters, whose
 coefficients change, are run in two ways:
@@ -76,7 +76,8 @@ class Texture:
             surface.save(Path(folder) / "surface.ron")
             text = (Path(folder) / "surface.ron").read_text()
         number = lambda name: next((float(found) for found in re.findall(rf"\b{name}: ([0-9.e-]+)", text)), None)
-        self.depth, self.crackle_ms = number("depth"), number("time_constant_ms")
+        numbers = lambda name: [float(part) for found in re.findall(rf"\b{name}: \[([^]]*)\]", text)[:1] for part in found.split(",") if part.strip()]
+        self.octave_shares, self.gain_db = numbers("octave_shares"), np.array(numbers("gain_db"))
         self.highpass_hz = number("highpass_hz")
         self.places = surface.places
         models = [surface.at(force=force, speed=speed) for speed, force in self.places]
@@ -146,6 +147,27 @@ def by_samples(ar, excitation, blocks, out):
     return out
 
 
+def grain(texture, random, voices, samples):
+    """The gain of the excitation: a curve over a sum of resonators, once a millisecond, and linear between."""
+    every = max(1, round(texture.rate / 1000))
+    rate, ticks = texture.rate / every, samples // every + 2
+    z = np.zeros((voices, ticks))
+    for octave, share in enumerate(texture.octave_shares):
+        turn = 2 * np.pi * min(2.0 * 2**octave, 0.4 * rate) / rate
+        g = 1 / (1 + np.tan(turn / 4))
+        one, other = random.standard_normal((2, voices, 1))
+        settled = np.sqrt(g) * np.concatenate([one, np.sin(turn) * other - np.cos(turn) * one], axis=1)
+        b, a = np.sqrt(1 - g) * np.array([1, 0, -1]), [1, -2 * g * np.cos(turn), 2 * g - 1]
+        z += np.sqrt(share) * lfilter(b, a, random.standard_normal(z.shape), axis=1, zi=settled)[0]
+    points, steps = np.linspace(-2.6, 2.6, len(texture.gain_db)), np.linspace(-7, 7, 281)
+    gains = 10 ** (texture.gain_db / 20)
+    weights = np.exp(-0.5 * steps**2)
+    gains /= np.sqrt(np.average(np.interp(steps, points, gains) ** 2, weights=weights))
+    gains, place = np.interp(z, points, gains), np.arange(samples)
+    last, part = place // every, place % every / every
+    return gains[:, last] * (1 - part) + gains[:, last + 1] * part
+
+
 def render(texture, speed, force, seed, filtered, kept=None):
     """Vibrations, a row each; `kept` are three arrays of the same shape that may be overwritten."""
     random = np.random.default_rng(seed)
@@ -158,14 +180,8 @@ def render(texture, speed, force, seed, filtered, kept=None):
     ar, deviation = ar.reshape(voices, len(starts), -1), deviation.reshape(voices, -1)
     ends = np.append(starts[1:], samples)
     random.standard_normal(out=excitation)
-    if texture.depth is not None:
-        random.standard_normal(out=level)
-        decay = np.exp(-1e3 / (texture.crackle_ms * texture.rate))
-        z = lfilter([np.sqrt(1 - decay * decay)], [1, -decay], level, axis=1)
-        half = 0.5 * texture.depth
-        z -= half
-        z *= half
-        excitation *= np.exp(z, out=z)
+    if texture.octave_shares:
+        excitation *= grain(texture, random, voices, samples)
     excitation *= deviation.take(np.repeat(np.arange(len(starts)), ends - starts), axis=1, out=level, mode="clip")
     out = filtered(ar, excitation, list(zip(starts.tolist(), ends.tolist())), out)
     if texture.highpass_hz is None:
@@ -203,7 +219,7 @@ def main():
     speed, force = 0.09 + 0.07 * np.sin(2 * np.pi * 0.37 * times), 1.2 + 0.8 * np.sin(2 * np.pi * 0.53 * times)
     recording = hg.Recording(shipped.render(force, speed), force, speed, rate=shipped.rate, source="a rendering")
     compare(hg.learn(recording, method="thesis", order=20))
-    print("the shipped surface: warped, with its crackle and its high-pass")
+    print("the shipped surface: warped, with its grain and its high-pass")
     compare(shipped)
 
 

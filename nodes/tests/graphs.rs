@@ -12,7 +12,7 @@ use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{
     Change, FileSinks, NoCrossFade, Run, Session, SessionOptions, VirtualClock, player,
 };
-use haptograph_surfaces::{Crackle, ModelAt, SpatialLine, Surface, files, resampling};
+use haptograph_surfaces::{Grain, ModelAt, SpatialLine, Surface, files, resampling};
 use realtime::allocations;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -267,7 +267,7 @@ fn no_callback_of_a_swap_allocates() {
     assert!(faded >= 3, "{faded} graphs faded into another");
 }
 
-/// Surfaces of every kind and rate: as shipped; with crackle and a line; the thesis's at a lower rate, and with a line.
+/// Surfaces of every kind and rate: as shipped; with grain and a line; the thesis's at a lower rate, and with a line.
 fn surfaces_of_every_kind(folder: &Path) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let canvas = root.join("graphs/surfaces/t2-canvas.ron");
@@ -277,8 +277,8 @@ fn surfaces_of_every_kind(folder: &Path) -> Vec<PathBuf> {
             let rests = |at: &ModelAt| at.speed_m_s == 0.0 || at.force_n == 0.0;
             let powers = texture.models().iter().map(|at| if rests(at) { 0.0 } else { 0.5 });
             let line = SpatialLine::new(900.0, 20.0, powers.collect()).unwrap();
-            let crackle = Crackle::new(0.8, 0.008).unwrap();
-            texture.with_crackle(Some(crackle)).with_lines(vec![line]).unwrap()
+            let grain = Grain::of_crackle(0.8, 0.008).unwrap();
+            texture.with_grain(Some(grain)).with_lines(vec![line]).unwrap()
         });
         surface
     };

@@ -20,18 +20,18 @@ const SECONDS: f64 = 1.0;
 /// Multiplications and multiply-adds of a lattice, plain or warped, a stage and sample: see the bank of `haptograph_signal::arma`. The
 /// additions of the plain one have units of their own on most processors.
 const OPERATIONS: usize = 4;
-/// The same of the rest of the chain, a sample: two sections of the high-pass, the crackle with its exponential, the scaling. The noise is
-/// not counted.
-const BESIDE: usize = 10 + 24 + 1;
+/// The same of the rest of the chain, a sample: two sections of the high-pass, the gain of the grain, the scaling. The noise and
+/// what is done once a tick are not counted.
+const BESIDE: usize = 10 + 3 + 1;
 
 fn main() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t2-canvas.ron");
     let surface = files::load(&path).expect("the shipped surface");
     let whole = surface.texture.expect("it has a texture");
-    let bare = whole.clone().with_crackle(None).with_highpass_hz(None).expect("less is sound");
+    let bare = whole.clone().with_grain(None).with_highpass_hz(None).expect("less is sound");
     let plain = on_the_plain_axis(&bare);
     for (name, texture) in
-        [("with its crackle and high-pass", &whole), ("the map alone", &bare), ("the thesis's kind", &plain)]
+        [("with its grain and high-pass", &whole), ("the map alone", &bare), ("the thesis's kind", &plain)]
     {
         voices(name, texture);
     }

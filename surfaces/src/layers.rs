@@ -8,12 +8,12 @@
 //! white noise ─► layers of the excitation ─► level and filter of the map ─► layers of the output ─► vibration
 //! ```
 
-pub mod crackle;
+pub mod grain;
 pub mod lines;
 mod spectrum;
 mod voices;
 
-pub use crackle::Crackle;
+pub use grain::Grain;
 pub use lines::SpatialLine;
 pub(crate) use spectrum::{SpectrumBank, SpectrumVoice};
 pub use voices::LayerVoices;
@@ -29,7 +29,7 @@ use std::fmt::{self, Debug, Display};
 use std::sync::Arc;
 
 /// All layers, in the order of their components in a frame of coefficients.
-pub const LAYERS: &[LayerKind] = &[crackle::KIND, lines::KIND];
+pub const LAYERS: &[LayerKind] = &[grain::KIND, lines::KIND];
 
 /// The type of a layer.
 #[derive(Debug, Clone, Copy)]
@@ -157,11 +157,11 @@ pub trait LayerSet {
     const KINDS: &'static [LayerKind];
 }
 
-/// [`LAYERS`].
+/// [`LAYERS`], and crackle, which earlier files have in place of grain.
 pub(crate) enum BuiltIn {}
 
 impl LayerSet for BuiltIn {
-    const KINDS: &'static [LayerKind] = LAYERS;
+    const KINDS: &'static [LayerKind] = &[grain::KIND, lines::KIND, grain::CRACKLE];
 }
 
 /// Parses a field's value, of which `layer` makes the layer.

@@ -30,7 +30,7 @@ pub mod triangulation;
 
 pub use haptograph_signal::statistics::Line;
 pub use interpolation::{Coefficients, Interpolator, Spot};
-pub use layers::{Crackle, SpatialLine};
+pub use layers::{Grain, SpatialLine};
 pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};
 pub use surface::{Friction, Stiffness, Surface, SurfaceError};

@@ -12,8 +12,8 @@ mod motion;
 mod upsampler;
 mod voice;
 
+pub(crate) use bank::{BLOCK, LANES, Row};
 pub use bank::{Block, Voice, VoiceError, VoiceInto, synthesise_into, synthesise_many, synthesise_many_with};
-pub(crate) use bank::{LANES, Row};
 pub use motion::{RandomWalk, Trajectory, UpdatePoints, update_samples, updates};
 pub use upsampler::Upsampler;
 pub use voice::{Excitation, Synthesis, TextureVoice};

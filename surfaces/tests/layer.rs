@@ -7,7 +7,7 @@ use haptograph_signal::arma::Form;
 use haptograph_surfaces::files::native;
 use haptograph_surfaces::hull::Hull;
 use haptograph_surfaces::layers::{
-    COMPONENTS, Layer, LayerError, LayerKind, LayerSet, LayerVoice, RenderRates, Stage, crackle, lines, parse,
+    COMPONENTS, Layer, LayerError, LayerKind, LayerSet, LayerVoice, RenderRates, Stage, grain, lines, parse,
 };
 use haptograph_surfaces::rendering::{
     RandomWalk, Synthesis, SynthesisSettings, Voice, synthesise, synthesise_many,
@@ -180,7 +180,7 @@ impl LayerVoice for GapsVoice {
 enum WithHumAndGaps {}
 
 impl LayerSet for WithHumAndGaps {
-    const KINDS: &'static [LayerKind] = &[crackle::KIND, HUM, GAPS];
+    const KINDS: &'static [LayerKind] = &[grain::KIND, HUM, GAPS];
 }
 
 fn bare() -> TextureModel {
@@ -216,7 +216,7 @@ fn layers_are_read_and_written_with_their_texture() {
     let read = |text: &str| native::read_with::<WithHumAndGaps>(text);
     assert_eq!(read(&text), Ok(surface));
     let refused = native::read(&text).unwrap_err().to_string();
-    assert!(refused.contains("`gaps`") && refused.contains("`crackle`"), "{refused}");
+    assert!(refused.contains("`gaps`") && refused.contains("`grain`"), "{refused}");
     let few = read(&text.replace("amplitudes: [", "amplitudes: [1.0, ")).unwrap_err().to_string();
     assert!(few.contains("one for each model"), "{few}");
     let wrong = read(&text.replace("every: 7", "every: seven")).unwrap_err();

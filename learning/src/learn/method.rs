@@ -1,6 +1,6 @@
 //! The methods of learning a texture.
 
-use super::crackle::find_crackle;
+use super::grain::find_grain;
 use super::law::{LawSettings, fit_law};
 use super::lines::{find_lines, with_lines, without_lines};
 use super::texture::{LearnTextureError, TextureReport, TextureSettings, learn_texture};
@@ -11,7 +11,7 @@ use haptograph_surfaces::TextureModel;
 /// A method of learning a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TextureMethod {
-    /// A law over speed and force on a warped frequency axis, with crackle and lines fixed in space.
+    /// A law over speed and force on a warped frequency axis, with grain and lines fixed in space.
     Law(LawSettings),
     /// The thesis's method: one model for each segment, triangulated: [`learn_texture`].
     Thesis(TextureSettings),
@@ -53,7 +53,7 @@ impl TextureMethod {
     }
 }
 
-/// Learns the law, then lines, which are removed before the law is fitted again, then crackle.
+/// Learns the law, then lines, which are removed before the law is fitted again, then grain.
 fn learn_with_structure(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
@@ -76,10 +76,10 @@ fn learn_with_structure(
     }
     let texture = fitted.corrected().texture()?;
     let noise = without.as_deref().unwrap_or(recordings);
-    let crackle = find_crackle(&whiten(noise, &texture), texture.rate_hz());
+    let grain = find_grain(noise, &whiten(noise, &texture), &texture);
     let texture = with_lines(texture, &lines)?;
     progress(1.0);
-    Ok((texture.with_crackle(crackle), report))
+    Ok((texture.with_grain(grain), report))
 }
 
 #[cfg(test)]
@@ -90,7 +90,7 @@ mod tests {
     use crate::recording::{Gesture, Signals};
     use haptograph_signal::spectrum::welch;
     use haptograph_signal::window::Window;
-    use haptograph_surfaces::Crackle;
+    use haptograph_surfaces::Grain;
     use haptograph_surfaces::rendering::{SynthesisSettings, Trajectory, synthesise};
 
     fn settings() -> LawSettings {
@@ -116,7 +116,7 @@ mod tests {
         ProcessedRecording::new(signals, Gesture::Drag, provenance()).expect("a recording")
     }
 
-    /// Excess kurtosis, and the 50, 90 and 99 % points of the root mean square in 5 ms, over that of all.
+    /// Binary logarithm of the excess kurtosis and 1, and the 50, 90 and 99 % points of the root mean square in 5 ms, over that of all.
     fn spikiness(recordings: &[ProcessedRecording]) -> [f64; 4] {
         let samples = |r: &ProcessedRecording| r.signals().acceleration_m_s2.clone();
         let all: Vec<f64> = recordings.iter().flat_map(samples).collect();
@@ -126,7 +126,7 @@ mod tests {
         let mut levels: Vec<f64> = all.chunks_exact(50).map(energy).collect();
         levels.sort_by(f64::total_cmp);
         let point = |part: f64| levels[(part * levels.len() as f64) as usize];
-        [moment(4) / (total * total) - 3.0, point(0.5), point(0.9), point(0.99)]
+        [(moment(4) / (total * total) - 2.0).log2(), point(0.5), point(0.9), point(0.99)]
     }
 
     /// Powers of the third octaves from 63 to 1000 Hz, averaged over the recordings, and the total.
@@ -147,22 +147,23 @@ mod tests {
     }
 
     #[test]
-    fn learned_crackle_brings_held_out_spikes_closer_and_leaves_the_spectrum() {
+    fn learned_grain_brings_held_out_spikes_closer_and_leaves_the_spectrum() {
         let truth = learn_law(&[gaussian(1)], &settings(), &|_| ()).expect("a law").0;
-        let truth = truth.with_crackle(Some(Crackle::new(0.9, 0.008).expect("in range")));
+        let truth = truth.with_grain(Some(Grain::of_crackle(0.9, 0.008).expect("in range")));
         let path = gaussian(2).trajectory();
         let (texture, _) =
             learn_with_structure(&[played(&truth, &path, 3)], &settings(), &|_| ()).expect("a texture");
-        assert!(texture.crackle().is_some());
+        assert!(texture.grain().is_some());
         let play = |texture: &TextureModel, seeds: std::ops::Range<u64>| -> Vec<_> {
             seeds.map(|seed| played(texture, &path, seed)).collect()
         };
         let held_out = spikiness(&play(&truth, 100..108));
-        let (with, without) = (play(&texture, 200..216), play(&texture.clone().with_crackle(None), 200..216));
-        let (crackling, plain) = (spikiness(&with), spikiness(&without));
-        for ((with, without), truth) in crackling.iter().zip(plain).zip(held_out) {
+        let (with, without) = (play(&texture, 200..216), play(&texture.clone().with_grain(None), 200..216));
+        let (grained, plain) = (spikiness(&with), spikiness(&without));
+        for ((with, without), truth) in grained.iter().zip(plain).zip(held_out) {
             let (with, without) = ((with - truth).abs(), (without - truth).abs());
-            assert!(with < 0.6 * without, "{crackling:?} instead of {plain:?} for {held_out:?}");
+            // At the 90 % point Gaussian noise is right by chance.
+            assert!(with < 0.6 * without || with < 0.03, "{grained:?} instead of {plain:?} for {held_out:?}");
         }
         for (with, without) in powers(&with).iter().zip(powers(&without)) {
             let off = 10.0 * (with / without).log10();
@@ -171,10 +172,10 @@ mod tests {
     }
 
     #[test]
-    fn gaussian_recordings_are_learned_without_crackle() {
+    fn gaussian_recordings_are_learned_without_grain() {
         let found = (0..3).filter(|seed| {
             let learned = learn_with_structure(&[gaussian(*seed)], &settings(), &|_| ());
-            learned.expect("a texture").0.crackle().is_some()
+            learned.expect("a texture").0.grain().is_some()
         });
         assert!(found.count() <= 1);
     }
@@ -182,15 +183,15 @@ mod tests {
     #[test]
     #[ignore = "twenty seeds, to be read and not only passed"]
     #[expect(clippy::print_stdout, reason = "it is there to be read")]
-    fn of_twenty_gaussian_recordings_nineteen_are_learned_without_crackle() {
+    fn of_twenty_gaussian_recordings_nineteen_are_learned_without_grain() {
         let found = (0..20).filter(|seed| {
             let started = std::time::Instant::now();
             let recording = [gaussian(100 + *seed)];
             let made_s = started.elapsed().as_secs_f64();
             let (texture, _) = learn_with_structure(&recording, &settings(), &|_| ()).expect("a texture");
             let learned_s = started.elapsed().as_secs_f64() - made_s;
-            println!("seed {seed}: {:?}, learned in {learned_s:.3} s", texture.crackle());
-            texture.crackle().is_some()
+            println!("seed {seed}: {:?}, learned in {learned_s:.3} s", texture.grain());
+            texture.grain().is_some()
         });
         let found = found.count();
         println!("{found} of 20");

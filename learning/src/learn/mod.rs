@@ -1,7 +1,7 @@
 //! Learns a surface from recordings (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
-//! recordings ──► processing ─┬► windows ──► law, lines, crackle ┐
+//! recordings ──► processing ─┬► windows ──► law, lines, grain ┐
 //!                            └► segmentation ──► texture ┤   (the thesis's)
 //!      circle or drag ──► friction ───────────────────────┤
 //!                 tap ──► taps ───────────────────────────┼──► Surface
@@ -13,8 +13,8 @@
 pub(crate) mod cells;
 mod correction;
 mod coverage;
-mod crackle;
 pub mod friction;
+mod grain;
 pub mod law;
 mod lines;
 mod method;

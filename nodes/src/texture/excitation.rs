@@ -14,17 +14,17 @@ use super::load_texture;
 haptograph_engine::settings! {
     /// Settings of [`Excitation`].
     pub struct ExcitationSettings {
-        /// The rendered surface, whose crackle the noise has. None: Gaussian noise without crackle.
+        /// The rendered surface, whose grain the noise has. None: Gaussian noise without grain.
         surface: Option<PathBuf> = None;
     }
 }
 
 haptograph_engine::node! {
     /// White Gaussian noise that excites a synthesis filter, with the variance of the coefficients (exactly zero if that is
-    /// zero). Without coefficients the variance is 1. If the surface crackles, the level fluctuates about that variance
-    /// with the depth and time constant of its file.
+    /// zero). Without coefficients the variance is 1. If the surface has grain, the level fluctuates about that variance
+    /// as its file says.
     pub struct Excitation(ExcitationSettings) in "texture";
-    source: "2.4.2; crackle: docs/texture-models.md";
+    source: "2.4.2; grain: docs/texture-models.md";
     example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#;
     in COEFFICIENTS: Coefficients<'static>, Optional<Held> =
         Port::of(Quantity::NUMBER, "Coefficients, held, whose variance the noise has.");
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
     use haptograph_engine::frame::OneKind;
     use haptograph_engine::testing::Bench;
-    use haptograph_surfaces::{Crackle, files};
+    use haptograph_surfaces::{Grain, files};
 
     fn frame(variance: f64) -> [f64; Coefficients::WIDTH] {
         let mut lanes = [0.0; Coefficients::WIDTH];
@@ -89,11 +89,11 @@ mod tests {
         assert!((power / 4.0 - 1.0).abs() < 4.0 * (2.0_f64 / 1000.0).sqrt());
     }
 
-    /// A surface with this crackle, in a file.
-    fn crackling(depth: f64) -> (tempfile::NamedTempFile, ExcitationSettings) {
+    /// A surface with grain of this depth, in a file.
+    fn grained(depth: f64) -> (tempfile::NamedTempFile, ExcitationSettings) {
         let mut surface = files::load(&plain()).unwrap();
-        let crackle = Crackle::new(depth, 0.008).unwrap();
-        surface.texture = surface.texture.map(|texture| texture.with_crackle(Some(crackle)));
+        let grain = Grain::of_crackle(depth, 0.008).unwrap();
+        surface.texture = surface.texture.map(|texture| texture.with_grain(Some(grain)));
         let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
         std::fs::write(file.path(), files::native::write(&surface)).unwrap();
         let settings = ExcitationSettings { surface: Some(file.path().to_owned()) };
@@ -105,15 +105,15 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_that_does_not_crackle_is_excited_as_if_there_were_none() {
+    fn a_surface_without_grain_is_excited_as_if_there_were_none() {
         let held = frame(2.0).repeat(500);
         let named = ExcitationSettings { surface: Some(plain()) };
         assert_eq!(bench(named).run(&[&held]), bench(white()).run(&[&held]));
     }
 
     #[test]
-    fn crackle_keeps_the_power_makes_the_noise_spiky_and_depends_on_no_block() {
-        let (_file, settings) = crackling(1.0);
+    fn grain_keeps_the_power_makes_the_noise_spiky_and_depends_on_no_block() {
+        let (_file, settings) = grained(1.0);
         let held = frame(1.0).repeat(200_000);
         let blocks = bench(settings.clone()).run_in_blocks(&[&held], &[7, 64, 1]).remove(0);
         assert_eq!(bench(settings).run(&[&held]).remove(0), blocks);
@@ -123,8 +123,8 @@ mod tests {
     }
 
     #[test]
-    fn a_successor_goes_on_with_noise_and_crackle() {
-        let (_file, settings) = crackling(0.7);
+    fn a_successor_goes_on_with_noise_and_grain() {
+        let (_file, settings) = grained(0.7);
         let held = frame(1.0).repeat(1000);
         let whole = bench(settings.clone()).run(&[&held]).remove(0);
         let half = held.len() / 2;
@@ -133,7 +133,7 @@ mod tests {
         let mut new = bench(settings);
         old.copy_state_into(&mut new);
         assert_eq!(new.run(&[&held[half..]])[0], whole[500..]);
-        // To a surface without crackle, and back to one: the noise beneath goes on.
+        // To a surface without grain, and back to one: the noise beneath goes on.
         let mut plain = bench(white());
         old.copy_state_into(&mut plain);
         let went_on = plain.run(&[&held[half..]]).remove(0);

@@ -55,7 +55,8 @@ impl Malformed {
             let found = word.chars().take(MAX_WORD).collect();
             return (Place::after(&text[..begin]), Self::OtherKind { root, found });
         }
-        let last = Place::after(&text[..scanned.last]);
+        // Of a lone sign the parser names what comes before the blanks.
+        let last = Place::after(text[..scanned.last].trim_end());
         let message = error.code.to_string();
         let reason = match scanned.inside {
             Some(inside) if (place.line, place.column) >= (last.line, last.column) => {

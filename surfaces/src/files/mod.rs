@@ -248,6 +248,12 @@ pub enum Problem {
         /// The reason.
         error: ModelError,
     },
+    /// A layer under its name and an earlier one.
+    #[error("the texture has the layer `{layer}` twice, once under an earlier name; leave out one of them")]
+    Twice {
+        /// The layer's name.
+        layer: &'static str,
+    },
     /// The models do not make a texture.
     #[error(transparent)]
     Texture(#[from] TextureError),

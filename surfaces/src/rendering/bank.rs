@@ -4,7 +4,7 @@ mod group;
 mod lanes;
 
 pub use lanes::Block;
-pub(crate) use lanes::{LANES, Row};
+pub(crate) use lanes::{BLOCK, LANES, Row};
 
 use super::{SynthesisError, SynthesisSettings, Trajectory, UpdatePoints, check, check_points};
 use crate::TextureModel;

@@ -137,9 +137,9 @@ fn what_the_format_cannot_hold_is_refused_or_named() {
     let texture = surface.texture.take().unwrap();
     let powers = texture.models().iter().map(|at| at.speed_m_s * at.force_n).collect();
     let texture = texture.with_lines(vec![crate::SpatialLine::new(300.0, 0.0, powers).unwrap()]).unwrap();
-    surface.texture = Some(texture.with_crackle(Some(crate::Crackle::new(0.9, 0.008).unwrap())));
+    surface.texture = Some(texture.with_grain(Some(crate::Grain::of_crackle(0.9, 0.008).unwrap())));
     let left_out = crate::files::save(&surface, &folder.path().join("Models_A.xml")).unwrap();
-    assert_eq!(left_out, ["taps", "crackle", "lines fixed in space", "stiffness"]);
+    assert_eq!(left_out, ["taps", "grain", "lines fixed in space", "stiffness"]);
     surface.texture = None;
     let path = folder.path().join("Taps_Cork.xml");
     assert_eq!(crate::files::save(&surface, &path).unwrap(), ["name", "friction", "stiffness"]);

@@ -36,11 +36,11 @@
 //!
 //! Further optional fields of a texture: `warping`, the factor of the models' frequency axis (vertices then have
 //! `power_m2_s4`, the power of the vibration, instead of `variance`); `highpass_hz`, the high-pass that the models
-//! leave to the renderer; `crackle: (depth: 0.6, time_constant_ms: 8)`, strength and speed of the fluctuation of the
-//! excitation's level ([`crate::Crackle`]); and at most three `lines: [(cycles_per_mm: 0.34, diffusion_rad2_per_mm:
-//! 0.02, powers_m2_s4: [...])]`, each with a power for every vertex, 0 at rest ([`crate::SpatialLine`]). The version
-//! stays 1, because they do not change the meaning of a file without them; a program that does not support one of them
-//! refuses the file.
+//! leave to the renderer; `grain: (octave_shares: [...], gain_db: [...])`, how the level of the excitation fluctuates
+//! ([`crate::Grain`]; `crackle: (depth: 0.6, time_constant_ms: 8)` of earlier files is read as such); and at most three
+//! `lines: [(cycles_per_mm: 0.34, diffusion_rad2_per_mm: 0.02, powers_m2_s4: [...])]`, each with a power for every
+//! vertex, 0 at rest ([`crate::SpatialLine`]). The version stays 1, because they do not change the meaning of a file
+//! without them; a program that does not support one of them refuses the file.
 //!
 //! LSFs are in radians. If a filter has coefficients and LSFs, both are stored and the LSFs take precedence
 //! ([`crate::ArmaModel`]). Unknown fields and duplicate keys are errors. Numbers, speeds included, are written as the

@@ -131,6 +131,10 @@ fn texture(document: TextureDocument, layers: Vec<ParsedLayer>) -> Result<Textur
     let mut texture = texture.with_highpass_hz(document.highpass_hz)?;
     for layer in layers {
         if let Some(layer) = layer().map_err(TextureError::from)? {
+            let name = layer.kind().name;
+            if texture.layers().any(|own| own.kind().name == name) {
+                return Err(Problem::Twice { layer: name });
+            }
             texture = texture.with_layer(layer)?;
         }
     }

@@ -2,7 +2,7 @@ use super::*;
 use crate::files::{Malformed, Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::{
-    ArmaModel, Crackle, Friction, ModelAt, Origin, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps,
+    ArmaModel, Friction, Grain, ModelAt, Origin, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps,
     TextureModel, VertexKind,
 };
 use haptograph_signal::units::decimal::format_thousandfold;
@@ -42,7 +42,7 @@ fn random_surface(seed: u64) -> Surface {
     surface.stiffness = Some(Stiffness::new(random.random_range(1.0..50.0), None).unwrap());
     surface.taps =
         Some(Taps::new(1000.0, vec![tap(0.0123456789, &mut random), tap(0.3, &mut random)]).unwrap());
-    let crackle = Crackle::new(random.random_range(0.1..2.0), random.random_range(0.001..0.1)).unwrap();
+    let grain = Grain::of_crackle(random.random_range(0.1..2.0), random.random_range(0.001..0.1)).unwrap();
     let texture = TextureModel::from_measured(1000.0, measured, &Hull::default()).unwrap();
     let mut power = |at: &ModelAt| {
         if at.speed_m_s * at.force_n == 0.0 { 0.0 } else { random.random() }
@@ -50,7 +50,7 @@ fn random_surface(seed: u64) -> Surface {
     let powers: Vec<f64> = texture.models().iter().map(&mut power).collect();
     let line = SpatialLine::new(random.random_range(10.0..5000.0), random.random_range(0.0..100.0), powers);
     let texture = texture.with_lines(vec![line.unwrap()]).unwrap();
-    surface.texture = Some(texture.with_crackle(Some(crackle)));
+    surface.texture = Some(texture.with_grain(Some(grain)));
     surface
 }
 
@@ -164,6 +164,9 @@ fn errors_of_meaning_have_a_line_and_column_too() {
     let (place, message) = error(&SQUARE.replace("ar: [-0.5, 0.2]", ""));
     assert_eq!(place, Some((7, 19)), "{message}");
     let (_, message) =
+        error(&SQUARE.replace("rate_hz: 1000", "rate_hz: 1000, grain: (octave_shares: [1], gain_db: [0])"));
+    assert!(message.contains("1 shares and 1 gains"), "{message}");
+    let (_, message) =
         error(&SQUARE.replace("rate_hz: 1000", "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)"));
     assert!(message.contains("depth -1"), "{message}");
     let line = |powers: &str| {
@@ -176,6 +179,20 @@ fn errors_of_meaning_have_a_line_and_column_too() {
     assert!(error(&line("[0, 0, -1, 0]")).1.contains("300 cycles"));
     let (_, message) = error(&SQUARE.replace("speed_mm_s: 200", "speed_mm_s: fast"));
     assert!(message.contains("line 10"), "{message}");
+}
+
+#[test]
+fn crackle_of_earlier_files_is_read_as_grain_and_written_as_it() {
+    let with = |layer: &str| SQUARE.replace("rate_hz: 1000", &format!("rate_hz: 1000, {layer}"));
+    let crackle = "crackle: (depth: 0.6, time_constant_ms: 8)";
+    let surface = read(&with(crackle)).unwrap();
+    let grain = surface.texture.as_ref().unwrap().grain();
+    assert_eq!(grain, Some(Grain::of_crackle(0.6, 0.008).unwrap()));
+    let text = write(&surface);
+    assert!(text.contains("grain: (") && !text.contains("crackle"), "{text}");
+    assert_eq!(read(&text).unwrap(), surface);
+    let (_, message) = error(&text.replace("        grain:", &format!("        {crackle},\n        grain:")));
+    assert!(message.contains("`grain` twice"), "{message}");
 }
 
 #[test]

@@ -45,7 +45,6 @@ struct Lane<'a> {
 struct Buffers {
     drawn: Drawn,
     excitation: [Row; BLOCK],
-    /// Spare frames for layers of the excitation, then the output.
     out: [Row; BLOCK],
 }
 
@@ -173,7 +172,7 @@ impl<'a> Group<'a> {
 
     /// Draws the excitation of a block, of deviation 1.
     fn excite(&mut self, block: &Range<usize>) {
-        let Buffers { drawn, excitation, out } = &mut *self.buffers;
+        let Buffers { drawn, excitation, .. } = &mut *self.buffers;
         for (number, lanes) in self.lanes.chunks_mut(DRAWN).enumerate() {
             for (lane, drawn) in lanes.iter_mut().zip(&mut *drawn) {
                 let own = lane.of(block).len();
@@ -183,7 +182,7 @@ impl<'a> Group<'a> {
             put_side_by_side(drawn, number * DRAWN, excitation);
         }
         let (voices, arch) = (self.lanes.len(), self.arch);
-        let mut block = Block { frames: excitation, spare: out, drawn, voices, arch };
+        let mut block = Block { frames: excitation, drawn, voices, arch };
         self.excitation_layers.iter_mut().for_each(|layer| layer.process(&mut block));
     }
 

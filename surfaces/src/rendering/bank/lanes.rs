@@ -6,7 +6,7 @@ use pulp::Arch;
 /// Maximum number of voices in a group.
 pub(crate) const LANES: usize = WarpedBank::GROUP;
 /// Frames processed at a time: a batch of the random numbers.
-pub(super) const BLOCK: usize = 64;
+pub(crate) const BLOCK: usize = 64;
 /// Voices whose samples are put side by side at a time.
 pub(super) const DRAWN: usize = 8;
 
@@ -19,19 +19,17 @@ pub(super) type Drawn = [[f64; BLOCK]; DRAWN];
 /// A block of excitation of all voices of a bank.
 pub struct Block<'a> {
     pub(crate) frames: &'a mut [Row; BLOCK],
-    /// As much space for a layer's own use.
-    pub(crate) spare: &'a mut [Row; BLOCK],
     pub(super) drawn: &'a mut Drawn,
     pub(super) voices: usize,
     pub(crate) arch: Arch,
 }
 
 impl Block<'_> {
-    /// Fills the spare frames with samples that are drawn for [`DRAWN`] voices at a time, from the number given on.
-    pub(crate) fn draw(&mut self, mut draw: impl FnMut(usize, &mut Drawn)) {
+    /// Fills frames with samples that are drawn for [`DRAWN`] voices at a time, from the number given on.
+    pub(crate) fn draw(&mut self, frames: &mut [Row; BLOCK], mut draw: impl FnMut(usize, &mut Drawn)) {
         for first in (0..self.voices).step_by(DRAWN) {
             draw(first, self.drawn);
-            put_side_by_side(self.drawn, first, self.spare);
+            put_side_by_side(self.drawn, first, frames);
         }
     }
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::hull::Hull;
 use crate::rendering::{RandomWalk, synthesise};
-use crate::{ArmaModel, Crackle, ModelAt, SpatialLine, VertexKind};
+use crate::{ArmaModel, Grain, ModelAt, SpatialLine, VertexKind};
 
 /// A texture of `order`, warped or plain, whose spectrum depends on speed and force.
 fn texture(order: usize, warping: f64) -> TextureModel {
@@ -29,13 +29,13 @@ fn textures() -> Vec<TextureModel> {
         let line = SpatialLine::new(800.0, 10.0, powers.collect()).unwrap();
         texture.with_lines(vec![line]).unwrap()
     };
-    let crackle = || Some(Crackle::new(0.8, 0.004).unwrap());
+    let grain = || Some(Grain::of_crackle(0.8, 0.004).unwrap());
     vec![
         texture(20, 0.85),
-        texture(20, 0.85).with_crackle(crackle()).with_highpass_hz(Some(20.0)).unwrap(),
+        texture(20, 0.85).with_grain(grain()).with_highpass_hz(Some(20.0)).unwrap(),
         with_lines(texture(7, 0.6)),
         texture(12, 0.0),
-        with_lines(texture(12, 0.0)).with_crackle(crackle()).with_highpass_hz(Some(30.0)).unwrap(),
+        with_lines(texture(12, 0.0)).with_grain(grain()).with_highpass_hz(Some(30.0)).unwrap(),
     ]
 }
 
@@ -91,7 +91,7 @@ fn a_voice_is_what_it_is_by_itself_but_for_rounding() {
         assert_eq!(one.len(), many.len());
         let apart = one.iter().zip(&many).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
         assert!(apart < 1e-9 * peak, "{apart:e} of {peak}");
-        if voice.texture.warping() == 0.0 && voice.texture.crackle().is_none() {
+        if voice.texture.warping() == 0.0 {
             assert_eq!(bits(&one), bits(&many));
         }
     }
