@@ -41,9 +41,10 @@ pub(super) struct Arguments {
     #[arg(long, value_enum, default_value = "all")]
     pooling: PoolingArgument,
     /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes),
-    /// test on the rest, and show all measures beside a floor, the thesis's method and plain baselines; also
-    /// taps, friction and stiffness by speed and force. Takes about 2 s for each material with four takes of
-    /// 6 s on two cores; a terminal shows a progress bar
+    /// test on the rest, and show all measures, of the powers averaged over seeds and of single seeds, beside a
+    /// floor, the thesis's method and five plain baselines; also taps, friction and stiffness by speed and
+    /// force. Takes about 4 s for each material with four takes of 6 s on two cores; a terminal shows a
+    /// progress bar
     #[arg(long, conflicts_with = "pooling")]
     holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory

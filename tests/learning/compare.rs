@@ -104,6 +104,19 @@ fn files_beyond_four_gibibytes_are_compared_too_and_bounded() {
     assert!(fail(folder.path(), &arguments).contains("20000"));
 }
 
+/// Measures of single seeds.
+const SINGLE_SEEDS: [&str; 9] = [
+    "seed_lsd_db",
+    "modulation_db",
+    "autocorrelation",
+    "level_quantiles_db",
+    "kurtosis_octaves",
+    "crest_db",
+    "band_correlation",
+    "level_deviation_5_ms_db",
+    "level_deviation_50_ms_db",
+];
+
 #[test]
 fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
     let folder = workshop();
@@ -113,7 +126,7 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
     assert_eq!(splits.len(), 3);
     for split in splits {
         let methods = split["methods"].as_array().unwrap();
-        assert_eq!(methods.len(), 5);
+        assert_eq!(methods.len(), 8);
         for method in methods {
             let lsd = method["lsd_db"]["mean"].as_f64().unwrap();
             assert!(lsd > 0.0 && lsd < 20.0, "{method}");
@@ -124,6 +137,11 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
                 "error_total_by_material_db",
             ] {
                 assert_eq!(method[measure].as_array().unwrap().len(), 2, "{measure}");
+            }
+            for measure in SINGLE_SEEDS {
+                assert!(method[measure]["mean"].as_f64().unwrap() > 0.0, "{measure} of {method}");
+                let over_seeds = method[measure]["standard_deviation_over_seeds"].as_f64();
+                assert_eq!(over_seeds.is_some_and(|db| db > 0.0), method["method"] != "floor", "{method}");
             }
             for band in method["signed_error_db"].as_array().unwrap() {
                 let db = |name: &str| band[name].as_f64().unwrap();
@@ -157,6 +175,8 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
         "100-500 Hz, dB",
         "20-40 Hz, dB",
         "total, dB",
+        "modulation",
+        "spread 50 ms",
     ] {
         let heads = text.lines().filter(|line| line.contains(shown));
         assert!(heads.count() >= 3, "{shown} of each split");
@@ -170,6 +190,8 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
         "Best plain baseline",
         "over the best plain",
         "misplaced %",
+        "modulation",
+        "spread 50 ms",
         "recorded levels over 50 ms unexplained",
         "friction, drags (%)",
     ] {

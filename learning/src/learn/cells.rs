@@ -44,7 +44,7 @@ impl Cells {
 }
 
 /// Estimates the density of stretches of one length.
-pub(super) struct CellSpectrum {
+pub(crate) struct CellSpectrum {
     rate_hz: f64,
     multitaper: Multitaper,
     /// The divisor of each bin, and the bins below the high-pass.
@@ -57,7 +57,7 @@ pub(super) struct CellSpectrum {
 
 impl CellSpectrum {
     /// An estimator for stretches of `length` samples (at least 2) that were high-passed at `highpass_hz`.
-    pub(super) fn new(length: usize, rate_hz: f64, warping: f64, highpass_hz: Option<f64>) -> Self {
+    pub(crate) fn new(length: usize, rate_hz: f64, warping: f64, highpass_hz: Option<f64>) -> Self {
         let scale = (2.0 / (length as f64 + 1.0)).sqrt();
         let multitaper = Multitaper::new([length, length, TAPERS.min(length)], |order, n| {
             scale * (PI * order as f64 / (length as f64 + 1.0) * n as f64).sin()
@@ -88,7 +88,7 @@ impl CellSpectrum {
     ///
     /// Below the high-pass nothing was recorded, so the density is extended from just above it. An all-pole model, which has no
     /// zeros, could not follow a gap.
-    pub(super) fn of(&mut self, samples: &[f64]) -> Vec<f64> {
+    pub(crate) fn of(&mut self, samples: &[f64]) -> Vec<f64> {
         let mut density = self.multitaper.powers(samples, self.highpass.len());
         let scale = 1.0 / (self.rate_hz * TAPERS.min(samples.len()) as f64);
         for (density, highpass) in density.iter_mut().zip(&self.highpass).skip(self.below) {

@@ -29,11 +29,21 @@ pub fn excess_kurtosis(signal: &[f64]) -> f64 {
 
 /// RMS of each whole interval of 50 ms, dB relative to the signal's unit, bounded to 80 dB below the loudest.
 pub fn levels_db(signal: &[f64], rate_hz: f64) -> Vec<f64> {
-    let power = |stretch: &[f64]| stretch.iter().map(|x| x * x).sum::<f64>() / stretch.len() as f64;
-    let powers: Vec<f64> = stretches(signal, rate_hz).map(power).collect();
+    levels_over_db(signal, STRETCH_S, rate_hz)
+}
+
+/// As [`levels_db`], over intervals of another length.
+pub(super) fn levels_over_db(signal: &[f64], seconds: f64, rate_hz: f64) -> Vec<f64> {
+    let powers: Vec<f64> = powers(signal, seconds, rate_hz).collect();
     let loudest = powers.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let least = loudest * 10f64.powf(-0.1 * FLOOR_DB);
     powers.iter().map(|power| 10.0 * power.max(least).log10()).collect()
+}
+
+/// Mean square of each whole interval, which has at least one sample.
+pub(super) fn powers(signal: &[f64], seconds: f64, rate_hz: f64) -> impl Iterator<Item = f64> {
+    let power = |stretch: &[f64]| stretch.iter().map(|x| x * x).sum::<f64>() / stretch.len() as f64;
+    stretches(signal, seconds, rate_hz).map(power)
 }
 
 /// RMS difference between two sequences of levels, dB, over the time that both cover.
@@ -79,7 +89,7 @@ pub fn unexplained_level_db(signal: &[f64], speed_m_s: &[f64], force_n: &[f64], 
         return None;
     }
     let logs = |values: &[f64], least: f64| -> Vec<f64> {
-        stretches(values, rate_hz).map(|stretch| mean(stretch).max(least).ln()).collect()
+        stretches(values, STRETCH_S, rate_hz).map(|stretch| mean(stretch).max(least).ln()).collect()
     };
     let (speed, force) = (logs(speed_m_s, LEAST[0]), logs(force_n, LEAST[1]));
     let places: Vec<Vector3<f64>> =
@@ -94,8 +104,8 @@ pub fn unexplained_level_db(signal: &[f64], speed_m_s: &[f64], force_n: &[f64], 
     Some(envelope_error_db(&levels, &fitted))
 }
 
-fn stretches(signal: &[f64], rate_hz: f64) -> impl Iterator<Item = &[f64]> {
-    signal.chunks_exact(((STRETCH_S * rate_hz).round() as usize).max(1))
+fn stretches(signal: &[f64], seconds: f64, rate_hz: f64) -> impl Iterator<Item = &[f64]> {
+    signal.chunks_exact(((seconds * rate_hz).round() as usize).max(1))
 }
 
 #[cfg(test)]

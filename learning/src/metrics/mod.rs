@@ -6,9 +6,11 @@
 //! - `responsiveness`: the losses of their variation, section 4.5.3.
 //! - `bands`: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
 //! - [`level`]: kurtosis and levels over time.
+//! - `fluctuation`: modulation, quantiles of levels, kurtosis and correlation of bands of one rendering.
 //! - `image`: roughness and fineness of a photograph, section 3.2.
 
 pub(crate) mod bands;
+pub(crate) mod fluctuation;
 pub(crate) mod image;
 pub mod level;
 pub(crate) mod multitaper;

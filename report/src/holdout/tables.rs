@@ -9,12 +9,16 @@ use haptograph_learning::evaluate::holdout::{
 /// Selection of the measures that a table shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measures {
-    /// All measures.
+    /// The measures of all seeds together.
     All,
-    /// The main columns.
+    /// Their main columns.
     First,
-    /// The measures that are not among the main columns.
+    /// Their other columns.
     Others,
+    /// The main columns of single seeds.
+    FirstOfSeeds,
+    /// The other columns of single seeds.
+    OthersOfSeeds,
 }
 
 /// A column of a method's row: its head, the table that shows it, its digits, whether it is signed, and whether it has its
@@ -22,7 +26,7 @@ pub enum Measures {
 type Column = (&'static str, Measures, Measure, usize, bool, bool);
 
 /// The columns after the name.
-const COLUMNS: [Column; 13] = [
+const COLUMNS: [Column; 22] = [
     ("LSD", Measures::First, Measure::Lsd, 2, false, true),
     ("over the floor", Measures::First, Measure::AboveFloor, 2, true, true),
     ("over the best plain", Measures::First, Measure::AboveBaseline, 2, true, true),
@@ -36,12 +40,26 @@ const COLUMNS: [Column; 13] = [
     ("envelope (its seeds)", Measures::Others, Measure::Envelope, 2, false, false),
     ("NSE", Measures::Others, Measure::Nse, 4, false, false),
     ("PE", Measures::Others, Measure::Pe, 3, false, false),
+    ("LSD", Measures::FirstOfSeeds, Measure::SeedLsd, 2, false, false),
+    ("modulation", Measures::FirstOfSeeds, Measure::Modulation, 2, false, false),
+    ("autocorr.", Measures::FirstOfSeeds, Measure::Autocorrelation, 2, false, false),
+    ("levels 5 ms", Measures::FirstOfSeeds, Measure::Levels, 2, false, false),
+    ("kurtosis", Measures::FirstOfSeeds, Measure::KurtosisRatio, 2, false, false),
+    ("crest", Measures::OthersOfSeeds, Measure::Crest, 1, false, false),
+    ("band corr.", Measures::OthersOfSeeds, Measure::BandCorrelation, 2, false, false),
+    ("spread 5 ms", Measures::OthersOfSeeds, Measure::Deviation5, 2, false, false),
+    ("spread 50 ms", Measures::OthersOfSeeds, Measure::Deviation50, 2, false, false),
 ];
 
 /// The measures of every method, by its title or, in narrow tables, its name; `*` marks a method that is worse than a
-/// plain baseline.
-pub fn methods(split: &SplitResult, measures: Measures) -> Table {
-    let columns = || COLUMNS.iter().filter(|column| measures == Measures::All || column.1 == measures);
+/// plain baseline. Under single seeds the last row names the method with the smallest error. `None` if nothing was measured.
+pub fn methods(split: &SplitResult, measures: Measures) -> Option<Table> {
+    let is_seeds = |measures: Measures| matches!(measures, Measures::FirstOfSeeds | Measures::OthersOfSeeds);
+    let is_shown = |of: Measures| of == measures || (measures == Measures::All && !is_seeds(of));
+    let columns = || COLUMNS.iter().filter(|column| is_shown(column.1));
+    if columns().all(|column| split.methods.iter().all(|method| method.mean(column.2).is_none())) {
+        return None;
+    }
     let rows = split.methods.iter().map(|method| {
         let name = match measures {
             Measures::All => method.method.title(),
@@ -52,25 +70,40 @@ pub fn methods(split: &SplitResult, measures: Measures) -> Table {
         std::iter::once(format!("{name}{star}")).chain(cells).collect()
     });
     let heads = columns().map(|column| column.0.to_owned());
-    Table { head: std::iter::once(String::new()).chain(heads).collect(), rows: rows.collect() }
+    let mut rows: Vec<Vec<String>> = rows.collect();
+    if is_seeds(measures) {
+        let best = columns().map(|column| best(split, column.2).to_owned());
+        rows.push(std::iter::once("best".to_owned()).chain(best).collect());
+    }
+    Some(Table { head: std::iter::once(String::new()).chain(heads).collect(), rows })
+}
+
+/// The method with the smallest mean of a measure, the floor left out.
+fn best(split: &SplitResult, measure: Measure) -> &'static str {
+    let methods = split.methods.iter().filter(|method| method.method != Method::Floor);
+    let means = methods.filter_map(|method| Some((method.method, method.mean(measure)?.mean)));
+    means.min_by(|a, b| a.1.total_cmp(&b.1)).map_or("–", |(method, _)| method.as_str())
 }
 
 fn cell(method: &MethodMean, &(_, _, measure, digits, signed, with_error): &Column) -> String {
     let factor = if measure == Measure::Misplaced { 100.0 } else { 1.0 };
-    let mean = method
-        .mean(measure)
-        .map(|Mean { mean, error }| Mean { mean: factor * mean, error: error.filter(|_| with_error) });
+    let mean = method.mean(measure).map(|found| Mean {
+        mean: factor * found.mean,
+        error: found.error.filter(|_| with_error),
+        ..found
+    });
     let cell = shown(mean, digits, signed);
-    match (measure, mean, method.mean(Measure::EnvelopeFloor)) {
-        (Measure::Envelope, Some(_), Some(floor)) => format!("{cell} ({:.2})", floor.mean),
-        (Measure::Envelope, ..) => "–".to_owned(),
-        _ => cell,
-    }
+    let between_seeds = match (measure, mean) {
+        (_, None) => None,
+        (Measure::Envelope, _) => method.mean(Measure::EnvelopeFloor).map(|between| between.mean),
+        (_, Some(mean)) => mean.spread,
+    };
+    between_seeds.map_or(cell.clone(), |between| format!("{cell} ({between:.digits$})"))
 }
 
 /// A mean with its standard error.
 fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
-    let Some(Mean { mean, error }) = value else {
+    let Some(Mean { mean, error, .. }) = value else {
         return "–".to_owned();
     };
     let mean = if signed { format!("{mean:+.digits$}") } else { format!("{mean:.digits$}") };

@@ -4,6 +4,7 @@ use super::HoldoutSettings;
 use super::folds::Lengths;
 use super::methods::Player;
 use crate::metrics::bands::Estimator;
+use crate::metrics::fluctuation::{Fluctuation, FluctuationErrors};
 use crate::metrics::level::{envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db};
 use crate::metrics::{BandErrors, BandPowers, Bands, WindowSettings, compare, log_spectral_distance};
 use crate::recording::ProcessedRecording;
@@ -32,6 +33,25 @@ pub struct Measures {
     /// Normalised spectral error and power error of the first seed, Eq. 2.5.1 and 2.5.2; `None` for the
     /// floor.
     pub nse_pe: Option<(f64, f64)>,
+    /// Errors of the rendering of each seed; of the floor, those of stretches of the training part as long as the test part.
+    /// Empty if a piece is under 0.5 s.
+    pub(super) seeds: Vec<SeedErrors>,
+}
+
+/// Errors of one rendering by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SeedErrors {
+    /// Log-spectral distance, dB.
+    pub(super) lsd_db: f64,
+    /// Errors of the fluctuation, of each piece of the test part.
+    fluctuation: Vec<FluctuationErrors>,
+}
+
+impl SeedErrors {
+    /// Mean of an error over the pieces.
+    pub(super) fn mean(&self, error: fn(&FluctuationErrors) -> f64) -> f64 {
+        mean(&self.fluctuation.iter().map(error).collect::<Vec<f64>>())
+    }
 }
 
 /// A test part with its training part.
@@ -40,13 +60,44 @@ pub(super) struct Target<'a> {
     test: &'a [ProcessedRecording],
     pub(super) estimator: Estimator,
     recorded: BandPowers,
+    /// Of each piece of the test part; `None` where it has none.
+    fluctuations: Vec<Option<Fluctuation>>,
 }
 
 impl<'a> Target<'a> {
     pub(super) fn new([train, test]: [&'a [ProcessedRecording]; 2], lengths: &Lengths) -> Self {
         let mut estimator = estimator(lengths);
         let recorded = estimator.of_signal(vibrations(test));
-        Self { train, test, estimator, recorded }
+        let of = |piece: &[f64]| Fluctuation::of(piece, estimator.rate_hz);
+        let fluctuations = vibrations(test).map(of).collect();
+        Self { train, test, estimator, recorded, fluctuations }
+    }
+
+    /// The errors of pieces in the place of the test part's; `None` if a piece has no fluctuation.
+    fn seed_errors(&self, powers: &BandPowers, pieces: &[&[f64]]) -> Option<SeedErrors> {
+        let errors = pieces.iter().zip(&self.fluctuations).map(|(piece, recorded)| {
+            let rendered = Fluctuation::of(piece, self.estimator.rate_hz)?;
+            Some(rendered.errors(recorded.as_ref()?))
+        });
+        Some(SeedErrors {
+            lsd_db: log_spectral_distance(powers.powers(), self.recorded.powers()),
+            fluctuation: errors.collect::<Option<_>>()?,
+        })
+    }
+
+    /// The errors of stretches of the training part as long as the shortest piece, each in turn the first of as many as the test
+    /// part has pieces.
+    fn stretches(&mut self) -> Vec<SeedErrors> {
+        let (train, pieces) = (self.train, self.test.len());
+        let length =
+            vibrations(train).chain(vibrations(self.test)).map(<[f64]>::len).min().unwrap_or(0).max(1);
+        let stretches: Vec<&[f64]> = vibrations(train).flat_map(|piece| piece.chunks_exact(length)).collect();
+        let errors = (0..stretches.len()).filter_map(|first| {
+            let from: Vec<&[f64]> = stretches.iter().cycle().skip(first).take(pieces).copied().collect();
+            let powers = self.estimator.of_signal(from.iter().copied());
+            self.seed_errors(&powers, &from)
+        });
+        errors.collect()
     }
 
     /// The training part compared with the test part.
@@ -58,6 +109,7 @@ impl<'a> Target<'a> {
             envelope_db: None,
             envelope_floor_db: None,
             nse_pe: None,
+            seeds: self.stretches(),
         }
     }
 
@@ -149,6 +201,7 @@ pub(super) fn measured(
     let (mut powers, mut kurtoses, mut envelopes, mut floors) = (vec![], vec![], vec![], vec![]);
     let mut last: Option<Vec<Vec<f64>>> = None;
     let mut nse_pe = None;
+    let mut seeds = vec![];
     let mut ahead = VecDeque::new();
     for seed in 0..settings.seeds.max(1) {
         if ahead.is_empty() {
@@ -156,7 +209,9 @@ pub(super) fn measured(
         }
         let played: Vec<Vec<f64>> = ahead.drain(..trajectories.len()).collect();
         let pieces = || played.iter().map(Vec::as_slice);
-        powers.push(target.estimator.of_signal(pieces()));
+        let of_seed = target.estimator.of_signal(pieces());
+        seeds.extend(target.seed_errors(&of_seed, &pieces().collect::<Vec<_>>()));
+        powers.push(of_seed);
         kurtoses.push(kurtosis(pieces()));
         let levels: Vec<Vec<f64>> = pieces().map(|x| levels_db(x, rate_hz)).collect();
         envelopes.push(envelopes_apart(&levels, &recorded));
@@ -175,6 +230,7 @@ pub(super) fn measured(
         envelope_db: Some(mean(&envelopes)),
         envelope_floor_db: (!floors.is_empty()).then(|| mean(&floors)),
         nse_pe,
+        seeds,
     })
 }
 

@@ -1,5 +1,6 @@
 //! Methods of a hold-out evaluation: the floor, ways to learn a texture, and plain baselines.
 
+use super::baselines::Plain;
 use crate::learn::TextureMethod;
 use crate::learn::texture::LearnTextureError;
 use crate::recording::ProcessedRecording;
@@ -29,15 +30,30 @@ pub enum Method {
     OneModel,
     /// One autoregressive model of order 20 per 0.2 s; the nearest one in force and speed is rendered.
     Windows,
+    /// One warped autoregressive model of order 12 at a factor of 0.8 for the whole part.
+    OneWarped,
+    /// Short-time spectra with random phases; the level of each bin is a plane over the logarithms of speed and force.
+    Phases,
+    /// Granular: clips of 0.3 s of the part, drawn from the three nearest in force and speed, and cross-faded.
+    Clips,
 }
 
 /// The plain baselines.
-pub const BASELINES: [Method; 2] = [Method::OneModel, Method::Windows];
+pub const BASELINES: [Method; 5] =
+    [Method::OneModel, Method::Windows, Method::OneWarped, Method::Phases, Method::Clips];
 
 impl Method {
     /// All methods, the floor first.
-    pub(crate) const ALL: [Self; 5] =
-        [Self::Floor, Self::Default, Self::Thesis, Self::OneModel, Self::Windows];
+    pub(crate) const ALL: [Self; 8] = [
+        Self::Floor,
+        Self::Default,
+        Self::Thesis,
+        Self::OneModel,
+        Self::Windows,
+        Self::OneWarped,
+        Self::Phases,
+        Self::Clips,
+    ];
 
     /// Name in files.
     pub fn as_str(self) -> &'static str {
@@ -47,6 +63,9 @@ impl Method {
             Self::Thesis => "thesis",
             Self::OneModel => "one_model",
             Self::Windows => "windows",
+            Self::OneWarped => "one_warped",
+            Self::Phases => "phases",
+            Self::Clips => "clips",
         }
     }
 
@@ -58,13 +77,16 @@ impl Method {
             Self::Thesis => "thesis's",
             Self::OneModel => "plain: one model of order 20",
             Self::Windows => "plain: windows of 0.2 s, nearest",
+            Self::OneWarped => "plain: warped model of order 12",
+            Self::Phases => "plain: spectra, random phases",
+            Self::Clips => "plain: clips of 0.3 s, nearest",
         }
     }
 }
 
 /// A learned method, ready to render.
 #[derive(Debug, Clone)]
-pub enum Player {
+pub(super) enum Player {
     /// A surface's texture, rendered as in a graph.
     Texture(Box<TextureModel>),
     /// Models at points of speed and force; the nearest one is rendered.
@@ -74,6 +96,8 @@ pub enum Player {
         /// Inverse standard deviations of speed and force.
         scales: [f64; 2],
     },
+    /// A baseline without a map of models.
+    Plain(Plain),
 }
 
 impl Player {
@@ -81,7 +105,7 @@ impl Player {
     ///
     /// # Errors
     /// [`LearnTextureError`].
-    pub(crate) fn learned(
+    pub(super) fn learned(
         method: Method,
         parts: &[ProcessedRecording],
         usual: &TextureMethod,
@@ -89,6 +113,11 @@ impl Player {
         let texture = |method: &TextureMethod| {
             let (texture, _) = method.learn(parts, &|_| ())?;
             Ok(Some(Self::Texture(Box::new(texture))))
+        };
+        let plain = |found: Option<Plain>| {
+            let reason =
+                || LearnTextureError::NoModels { reason: "the part is too short or silent".to_owned() };
+            found.map(|found| Some(Self::Plain(found))).ok_or_else(reason)
         };
         match method {
             Method::Floor => Ok(None),
@@ -99,6 +128,9 @@ impl Player {
                 let rate_hz = parts.first().map_or(0.0, ProcessedRecording::rate_hz);
                 nearest(parts, (WINDOW_S * rate_hz) as usize).map(Some)
             }
+            Method::OneWarped => plain(Plain::warped(parts)),
+            Method::Phases => plain(Plain::phases(parts)),
+            Method::Clips => plain(Plain::clips(parts)),
         }
     }
 
@@ -106,7 +138,7 @@ impl Player {
     ///
     /// # Errors
     /// [`SynthesisError`].
-    pub(crate) fn play(&self, along: &[(&Trajectory, u64)]) -> Result<Vec<Vec<f64>>, SynthesisError> {
+    pub(super) fn play(&self, along: &[(&Trajectory, u64)]) -> Result<Vec<Vec<f64>>, SynthesisError> {
         let settings =
             |seed: u64| SynthesisSettings { seed, lines_seed: seed, ..SynthesisSettings::default() };
         match self {
@@ -121,6 +153,7 @@ impl Player {
                 .iter()
                 .map(|(along, seed)| play_nearest(models, *scales, along, &settings(*seed)))
                 .collect(),
+            Self::Plain(plain) => Ok(along.iter().map(|(along, seed)| plain.play(along, *seed)).collect()),
         }
     }
 }

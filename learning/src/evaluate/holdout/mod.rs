@@ -7,6 +7,7 @@
 //! averaged over a material's folds. The standard error is over materials, since the folds and seeds of one
 //! material are not independent samples.
 
+mod baselines;
 mod contact;
 mod folds;
 mod measures;
@@ -17,7 +18,8 @@ pub use contact::{Contact, ContactResult, hold_out_contact};
 use folds::Lengths;
 pub use folds::{Fold, Split};
 pub use measures::Measures;
-pub use methods::{BASELINES, Method, Player};
+use methods::Player;
+pub use methods::{BASELINES, Method};
 pub use summary::{BandMean, Holdout, Mean, Measure, MethodMean, SplitResult};
 
 use super::study::StudyError;

@@ -2,7 +2,7 @@
 
 use super::FoldResult;
 use super::folds::Split;
-use super::measures::Measures;
+use super::measures::{Measures, SeedErrors};
 use super::methods::{BASELINES, Method};
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;
@@ -26,13 +26,17 @@ pub struct Mean {
     /// The standard error.
     #[serde(rename = "standard_error")]
     pub error: Option<f64>,
+    /// The mean standard deviation over seeds, of a measure of single seeds; `None` for the floor, which has none.
+    #[serde(rename = "standard_deviation_over_seeds", skip_serializing_if = "Option::is_none")]
+    pub spread: Option<f64>,
 }
 
 impl Mean {
-    pub(super) fn of(values: &[f64]) -> Self {
+    pub(crate) fn of(values: &[f64]) -> Self {
         Self {
             mean: mean(values),
             error: (values.len() > 1).then(|| standard_deviation(values) / (values.len() as f64).sqrt()),
+            spread: None,
         }
     }
 }
@@ -56,6 +60,15 @@ pub enum Measure {
     EnvelopeFloor,
     Nse,
     Pe,
+    SeedLsd,
+    Modulation,
+    Autocorrelation,
+    Levels,
+    KurtosisRatio,
+    Crest,
+    BandCorrelation,
+    Deviation5,
+    Deviation50,
 }
 
 /// What is subtracted from a measure, in the same fold.
@@ -64,39 +77,93 @@ enum Less {
     Nothing,
     /// The same measure of the floor.
     Floor,
-    /// The same measure of the better plain baseline.
+    /// The same measure of the best plain baseline.
     Baseline,
 }
 
+/// The value of a measure on a test part.
+enum Value {
+    /// Of all seeds together.
+    Together(fn(&Measures) -> Option<f64>),
+    /// Of each seed by itself.
+    Seed(fn(&SeedErrors) -> f64),
+}
+
+impl Value {
+    /// The value, or its mean over seeds; `None` if the part has none.
+    fn of(&self, part: &Measures) -> Option<f64> {
+        match self {
+            Self::Together(value) => value(part),
+            Self::Seed(_) => {
+                Some(self.of_seeds(part)).filter(|seeds| !seeds.is_empty()).map(|seeds| mean(&seeds))
+            }
+        }
+    }
+
+    /// The standard deviation over seeds; `None` for fewer than two.
+    fn spread(&self, part: &Measures) -> Option<f64> {
+        Some(self.of_seeds(part)).filter(|seeds| seeds.len() > 1).map(|seeds| standard_deviation(&seeds))
+    }
+
+    fn of_seeds(&self, part: &Measures) -> Vec<f64> {
+        match self {
+            Self::Together(_) => vec![],
+            Self::Seed(value) => part.seeds.iter().map(value).collect(),
+        }
+    }
+}
+
 /// Key in files, what is subtracted, and the value on a test part.
-type Row = (Measure, &'static str, Less, fn(&Measures) -> Option<f64>);
+type Row = (Measure, &'static str, Less, Value);
+
+use Value::{Seed, Together};
 
 /// The measures in the order of [`Measure`].
-const MEASURES: [Row; 15] = [
+const MEASURES: [Row; 24] = [
     // Log-spectral distance, dB.
-    (Measure::Lsd, "lsd_db", Less::Nothing, |m| Some(m.bands.lsd_db)),
-    (Measure::AboveFloor, "above_floor_db", Less::Floor, |m| Some(m.bands.lsd_db)),
-    (Measure::AboveBaseline, "above_baseline_db", Less::Baseline, |m| Some(m.bands.lsd_db)),
+    (Measure::Lsd, "lsd_db", Less::Nothing, Together(|m| Some(m.bands.lsd_db))),
+    (Measure::AboveFloor, "above_floor_db", Less::Floor, Together(|m| Some(m.bands.lsd_db))),
+    (Measure::AboveBaseline, "above_baseline_db", Less::Baseline, Together(|m| Some(m.bands.lsd_db))),
     // The same from 100 to 500 Hz.
-    (Measure::MiddleLsd, "lsd_100_500_db", Less::Nothing, |m| m.bands.middle_lsd_db),
-    (Measure::MiddleAboveFloor, "above_floor_100_500_db", Less::Floor, |m| m.bands.middle_lsd_db),
+    (Measure::MiddleLsd, "lsd_100_500_db", Less::Nothing, Together(|m| m.bands.middle_lsd_db)),
+    (Measure::MiddleAboveFloor, "above_floor_100_500_db", Less::Floor, Together(|m| m.bands.middle_lsd_db)),
     // The same weighted by tactile sensitivity.
-    (Measure::PacinianLsd, "lsd_pacinian_db", Less::Nothing, |m| Some(m.bands.pacinian_lsd_db)),
+    (Measure::PacinianLsd, "lsd_pacinian_db", Less::Nothing, Together(|m| Some(m.bands.pacinian_lsd_db))),
     // Mean absolute error over bands, dB.
-    (Measure::Absolute, "absolute_db", Less::Nothing, |m| Some(m.bands.absolute_db)),
+    (Measure::Absolute, "absolute_db", Less::Nothing, Together(|m| Some(m.bands.absolute_db))),
     // Signed error from 20 to 40 Hz, and of the total power, dB.
-    (Measure::Low, "error_20_40_db", Less::Nothing, |m| m.bands.low_db),
-    (Measure::Total, "error_total_db", Less::Nothing, |m| Some(m.bands.total_db)),
+    (Measure::Low, "error_20_40_db", Less::Nothing, Together(|m| m.bands.low_db)),
+    (Measure::Total, "error_total_db", Less::Nothing, Together(|m| Some(m.bands.total_db))),
     // Energy in the wrong one of nine bands, 0 to 1.
-    (Measure::Misplaced, "misplaced", Less::Nothing, |m| Some(m.bands.misplaced)),
+    (Measure::Misplaced, "misplaced", Less::Nothing, Together(|m| Some(m.bands.misplaced))),
     // Error of the excess kurtosis.
-    (Measure::Kurtosis, "kurtosis_error", Less::Nothing, |m| Some(m.kurtosis)),
+    (Measure::Kurtosis, "kurtosis_error", Less::Nothing, Together(|m| Some(m.kurtosis))),
     // Error of levels over 50 ms, and the same between seeds, dB.
-    (Measure::Envelope, "envelope_db", Less::Nothing, |m| m.envelope_db),
-    (Measure::EnvelopeFloor, "envelope_between_seeds_db", Less::Nothing, |m| m.envelope_floor_db),
+    (Measure::Envelope, "envelope_db", Less::Nothing, Together(|m| m.envelope_db)),
+    (Measure::EnvelopeFloor, "envelope_between_seeds_db", Less::Nothing, Together(|m| m.envelope_floor_db)),
     // Normalized spectral error, and power error.
-    (Measure::Nse, "nse", Less::Nothing, |m| m.nse_pe.map(|(nse, _)| nse)),
-    (Measure::Pe, "pe", Less::Nothing, |m| m.nse_pe.map(|(_, pe)| pe)),
+    (Measure::Nse, "nse", Less::Nothing, Together(|m| m.nse_pe.map(|(nse, _)| nse))),
+    (Measure::Pe, "pe", Less::Nothing, Together(|m| m.nse_pe.map(|(_, pe)| pe))),
+    // Single seeds: log-spectral distance, and errors of the fluctuation, each in its unit.
+    (Measure::SeedLsd, "seed_lsd_db", Less::Nothing, Seed(|s| s.lsd_db)),
+    (Measure::Modulation, "modulation_db", Less::Nothing, Seed(|s| s.mean(|f| f.modulation_db))),
+    (Measure::Autocorrelation, "autocorrelation", Less::Nothing, Seed(|s| s.mean(|f| f.autocorrelation))),
+    (Measure::Levels, "level_quantiles_db", Less::Nothing, Seed(|s| s.mean(|f| f.level_quantiles_db))),
+    (Measure::KurtosisRatio, "kurtosis_octaves", Less::Nothing, Seed(|s| s.mean(|f| f.kurtosis_octaves))),
+    (Measure::Crest, "crest_db", Less::Nothing, Seed(|s| s.mean(|f| f.crest_db))),
+    (Measure::BandCorrelation, "band_correlation", Less::Nothing, Seed(|s| s.mean(|f| f.band_correlation))),
+    (
+        Measure::Deviation5,
+        "level_deviation_5_ms_db",
+        Less::Nothing,
+        Seed(|s| s.mean(|f| f.deviation_5_ms_db)),
+    ),
+    (
+        Measure::Deviation50,
+        "level_deviation_50_ms_db",
+        Less::Nothing,
+        Seed(|s| s.mean(|f| f.deviation_50_ms_db)),
+    ),
 ];
 
 impl Measure {
@@ -130,6 +197,8 @@ pub struct MethodMean {
     pub method: Method,
     /// By measure: means over the folds of each material, where all folds have a value.
     measures: Vec<Option<Vec<f64>>>,
+    /// By measure: mean standard deviation over seeds.
+    spreads: Vec<Option<f64>>,
     /// Errors by band, means over materials, where all materials have the same bands.
     pub by_band: Vec<BandMean>,
     /// True if this is not a plain baseline and its mean over materials is worse than that of one.
@@ -144,7 +213,8 @@ impl MethodMean {
 
     /// The mean of a measure over materials; `None` if a fold has no value.
     pub fn mean(&self, measure: Measure) -> Option<Mean> {
-        self.measures[measure as usize].as_deref().map(Mean::of)
+        let values = self.measures[measure as usize].as_deref()?;
+        Some(Mean { spread: self.spreads[measure as usize], ..Mean::of(values) })
     }
 }
 
@@ -178,7 +248,8 @@ impl Holdout {
         let lsd = |method: Method| {
             mean(&self.over_materials(&folds, &|fold| Some(fold.of(method).bands.lsd_db)).unwrap_or_default())
         };
-        let best_baseline = if lsd(BASELINES[1]) < lsd(BASELINES[0]) { BASELINES[1] } else { BASELINES[0] };
+        let best_baseline =
+            BASELINES.into_iter().min_by(|a, b| lsd(*a).total_cmp(&lsd(*b))).unwrap_or(BASELINES[0]);
         let part = |value: fn(&FoldResult) -> Option<f64>| self.over_materials(&folds, &value);
         let estimator = |value: fn(&FoldResult) -> Option<f64>| mean(&part(value).unwrap_or_default());
         Some(SplitResult {
@@ -218,13 +289,20 @@ impl Holdout {
                 Less::Baseline => Some(best),
             };
             self.over_materials(folds, &|fold| {
-                let own = value(fold.of(method))?;
-                other.map_or(Some(own), |other| Some(own - value(fold.of(other))?))
+                let own = value.of(fold.of(method))?;
+                other.map_or(Some(own), |other| Some(own - value.of(fold.of(other))?))
             })
+        };
+        // The stretches of the floor are no seeds.
+        let seeded = method != Method::Floor;
+        let spread = |(.., value): &Row| {
+            let over = |fold: &FoldResult| value.spread(fold.of(method)).filter(|_| seeded);
+            self.over_materials(folds, &over).map(|spreads| mean(&spreads))
         };
         let mut found = MethodMean {
             method,
             measures: MEASURES.iter().map(measure).collect(),
+            spreads: MEASURES.iter().map(spread).collect(),
             by_band: self.by_band(folds, method),
             loses: false,
         };

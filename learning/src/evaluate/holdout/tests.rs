@@ -86,6 +86,23 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
         assert!(split.unexplained_level_db.unwrap().mean < 1.5);
         assert!(mean(law, Measure::Envelope) < 2.0 * mean(law, Measure::EnvelopeFloor));
         assert!(split.estimator_db.1 < split.estimator_db.0);
+        // The process is Gaussian noise: so is what is learned, and clips of it are it.
+        for method in [Method::Default, Method::Clips] {
+            let over_db = mean(of(method), Measure::Modulation) - mean(floor, Measure::Modulation);
+            let [lsd_db, floor_db] = [method, Method::Floor].map(|method| mean(of(method), Measure::SeedLsd));
+            let octaves = mean(of(method), Measure::KurtosisRatio);
+            let found = (method, over_db, lsd_db, floor_db, octaves);
+            assert!(over_db < 2.0 && lsd_db < floor_db + 1.0 && octaves < 1.0, "{found:?}");
+        }
+        let spreads = Measure::all().filter_map(|measure| law.mean(measure)?.spread);
+        assert_eq!(spreads.filter(|spread| *spread > 0.0).count(), 9);
+        // Both spectra follow speed and force less closely than the law.
+        for method in [Method::OneWarped, Method::Phases] {
+            assert!(
+                mean(of(method), Measure::SeedLsd) > 0.0 && mean(of(method), Measure::Total).abs() < 1.5,
+                "{method:?}"
+            );
+        }
         // One model for all speeds has the wrong level at each speed.
         assert!(mean(of(Method::OneModel), Measure::Envelope) > mean(law, Measure::Envelope));
         assert!(!floor.loses && !of(Method::OneModel).loses);

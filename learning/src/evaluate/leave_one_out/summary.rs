@@ -2,7 +2,6 @@
 
 use super::{MapKind, Prediction};
 use crate::evaluate::holdout::Mean;
-use haptograph_signal::statistics::mean;
 use std::collections::BTreeMap;
 
 /// Accuracy of a map.
@@ -37,7 +36,7 @@ impl Summary {
             let of = |texture: &Vec<&Prediction>| {
                 texture.iter().map(|one| value(one)).sum::<f64>() / texture.len() as f64
             };
-            mean_of(&textures.values().map(of).collect::<Vec<_>>())
+            Mean::of(&textures.values().map(of).collect::<Vec<_>>())
         };
         let models = textures.values().map(Vec::len).sum();
         let all = textures.values().flatten().map(|one| beyond(one)).sum::<f64>();
@@ -50,11 +49,4 @@ impl Summary {
             textures: textures.len(),
         })
     }
-}
-
-fn mean_of(values: &[f64]) -> Mean {
-    let middle = mean(values);
-    let squares: f64 = values.iter().map(|x| (x - middle).powi(2)).sum();
-    let count = values.len() as f64;
-    Mean { mean: middle, error: (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()) }
 }
