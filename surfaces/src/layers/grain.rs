@@ -70,7 +70,8 @@ impl Grain {
 
     /// The grain nearest to crackle, the layer of earlier files: the logarithm of the power is a Gaussian process of the
     /// standard deviation `depth` (above 0, at most 2) whose correlation falls to 1/e in `time_constant_s` (above 0, at most 1).
-    /// The shares are the powers of its spectrum in the octaves. The last gain is what keeps the kurtosis `3 exp(depth²)`.
+    /// The shares are the powers of its spectrum in the octaves. The last gain is what keeps the kurtosis `3 exp(depth²)`,
+    /// of which the gain between ticks loses up to 15 % where the time constant is a few milliseconds.
     ///
     /// # Errors
     /// [`GrainError::Crackle`] for values out of these ranges.
@@ -88,14 +89,25 @@ impl Grain {
         let gain = |point| (0.5 * depth * (SPACING * point as f64 - HIGHEST)).exp();
         let mut curve = Curve(std::array::from_fn(gain));
         // The gain is bounded: what lies beyond the last point must be made up for there.
-        let (mut low, mut high) = (curve.0[POINTS - 1], amplitude(HIGHEST_DB));
+        let (mut low, mut high) = (curve.0[POINTS - 1], curve.0[0] * amplitude(HIGHEST_DB - LOWEST_DB));
         for _ in 0..40 {
             curve.0[POINTS - 1] = 0.5 * (low + high);
             let [second, fourth] = [2, 4].map(|power| curve.mean(|gain| gain.powi(power)));
             let end = if fourth < (depth * depth).exp() * second * second { &mut low } else { &mut high };
             *end = curve.0[POINTS - 1];
         }
-        Self::new(&shares, &curve.0.map(|gain| decibels(gain).min(HIGHEST_DB)))
+        let over_db = (decibels(curve.0[POINTS - 1]) - HIGHEST_DB).max(0.0);
+        Self::new(&shares, &curve.0.map(|gain| (decibels(gain) - over_db).clamp(LOWEST_DB, HIGHEST_DB)))
+    }
+
+    /// Shares of the process's variance in the octaves.
+    pub fn octave_shares(&self) -> &[f64] {
+        &self.octave_shares
+    }
+
+    /// Gain at the points, dB.
+    pub fn gain_db(&self) -> &[f64] {
+        &self.gain_db
     }
 
     fn curve(&self) -> Curve {
@@ -155,8 +167,8 @@ pub const KIND: LayerKind = LayerKind {
     absent: || Value::Null,
 };
 
-/// The field of earlier files, which is read as grain.
-pub(super) const CRACKLE: LayerKind = LayerKind {
+/// The field of earlier files, which is read as grain: for a [`LayerSet`](super::LayerSet) that reads them.
+pub const CRACKLE: LayerKind = LayerKind {
     name: "crackle",
     parse: |text| {
         parse(text, |document: EarlierCrackle| {
@@ -179,7 +191,7 @@ impl Layer for Grain {
     }
 
     fn voice(&self, rates: RenderRates, seed: u64) -> Box<dyn LayerVoice> {
-        Box::new(GrainSource::new(self, rates.rate_hz, seed))
+        Box::new(GrainSource::at(self, rates, seed))
     }
 
     fn bank(&self, voices: Vec<Box<dyn LayerVoice>>) -> Box<dyn LayerBank> {
@@ -253,7 +265,7 @@ impl Curve {
 
     /// Divides by the root of the mean square of the gain, which is linear over `samples` from one tick to the next, where the
     /// process is correlated by `kept` from tick to tick.
-    fn normalise(&mut self, samples: u32, kept: f64) {
+    fn normalise(&mut self, samples: f64, kept: f64) {
         const ORDERS: usize = 24;
         const NODES: usize = 40;
         // Parts of the gain by Hermite polynomials of z, of which the one of order n is correlated by kept^n (Mehler 1866).
@@ -281,7 +293,7 @@ impl Curve {
         let orders = parts.iter().rev().fold(0.0, |sum, part| kept * sum + part * part);
         let common = orders + (power - known).max(0.0) * kept.powi(ORDERS as i32);
         // A mix of two ticks by f and 1 - f loses 2 f (1 - f) of what differs between them; this is its mean over the samples.
-        let squared = f64::from(samples) * f64::from(samples);
+        let squared = samples * samples;
         power -= (squared - 1.0) / (3.0 * squared) * (power - common);
         self.0 = self.0.map(|gain| gain / power.sqrt());
     }
@@ -388,12 +400,18 @@ pub struct GrainSource {
 impl GrainSource {
     /// A source of `grain` at `rate_hz`; the same `seed` gives the same fluctuation.
     pub fn new(grain: &Grain, rate_hz: f64, seed: u64) -> Self {
+        Self::at(grain, RenderRates { rate_hz, models_hz: rate_hz }, seed)
+    }
+
+    fn at(grain: &Grain, RenderRates { rate_hz, models_hz }: RenderRates, seed: u64) -> Self {
         let samples = (TICK_S * rate_hz).round().max(1.0) as u32;
+        // Slower models take one sample in so many.
+        let heard = (f64::from(samples) * (models_hz / rate_hz).min(1.0)).round().max(1.0);
         let factors = factors(rate_hz / f64::from(samples));
         // The correlation of a resonator's samples that follow each other is half the factor of the last one.
         let kept = grain.octave_shares.iter().zip(factors).map(|(share, [_, kept, _])| 0.5 * share * kept);
         let mut curve = grain.curve();
-        curve.normalise(samples, kept.sum());
+        curve.normalise(heard, kept.sum());
         let mut noise = Gaussian::new(seed);
         let mut drawn = [[0.0; OCTAVES]; 2];
         noise.fill(drawn.as_flattened_mut());
@@ -440,7 +458,12 @@ impl LayerVoice for GrainSource {
             let Grains { samples, done, states, gains, .. } = other.grains;
             // The curve and the shares take over from the tick after the next one on.
             (self.grains.states, self.grains.gains) = (states, gains);
-            self.grains.done = if samples == self.grains.samples { done } else { 0 };
+            self.grains.done = done;
+            if samples != self.grains.samples {
+                let part = f64::from(done) / f64::from(samples);
+                self.grains.gains[0][0] += part * (gains[1][0] - gains[0][0]);
+                self.grains.done = 0;
+            }
         }
     }
 
@@ -559,6 +582,16 @@ mod tests {
             let power_db = 10.0 * moment(&gains(&fast, rate_hz, (300.0 * rate_hz) as usize), 2).log10();
             assert!(power_db.abs() < 0.05, "{power_db} dB at {rate_hz} Hz");
         }
+        // Slower models take some of the samples.
+        let step = Grain::new(&fast.octave_shares, &[[-40.0; POINTS / 2], [0.0; POINTS / 2]].concat());
+        for (models_hz, every) in [(1000.0, 10), (2000.0, 5), (5000.0, 2)] {
+            let rates = RenderRates { rate_hz: RATE_HZ, models_hz };
+            let mut gains = vec![1.0; 3_000_000];
+            GrainSource::at(step.as_ref().expect("in range"), rates, 2).process(&mut gains);
+            let taken: Vec<f64> = gains.into_iter().step_by(every).collect();
+            let power_db = 10.0 * moment(&taken, 2).log10();
+            assert!(power_db.abs() < 0.05, "{power_db} dB for models at {models_hz} Hz");
+        }
     }
 
     #[test]
@@ -637,6 +670,13 @@ mod tests {
             let expected = 3.0 * (depth * depth).exp_m1();
             assert!((10.0 * power.log10()).abs() < 0.2, "{power} at {depth}");
             assert!((excess / expected - 1.0).abs() < 0.2, "{excess} for {expected} in {time_constant_s} s");
+        }
+        // At the ticks, by quadrature.
+        for depth in [1e-3, 0.5, 1.0, 1.5, MAX_DEPTH] {
+            let curve = Grain::of_crackle(depth, 0.01).expect("in range").curve();
+            let [second, fourth] = [2, 4].map(|power| curve.mean(|gain| gain.powi(power)));
+            let expected = (depth * depth).exp();
+            assert!((fourth / (second * second * expected) - 1.0).abs() < 0.01, "depth {depth}");
         }
         assert!(Grain::of_crackle(MAX_DEPTH, 1e-4).is_ok() && Grain::of_crackle(1e-3, 1.0).is_ok());
     }
