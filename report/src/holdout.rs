@@ -87,7 +87,7 @@ const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the spectrum of the train
     power error.</p>";
 
 const SEED_TERMS: &str = "<p class=\"remark\">Errors of a rendering with one seed: mean over the seeds, in brackets their standard deviation. The floor is \
-    a stretch of the training part as long as the test part, as the mean over such stretches. <b>best</b>: method with the smallest error. \
+    a stretch of the training part as long as the shortest piece, as the mean over such stretches. <b>best</b>: method with the smallest error, the floor left out. –: a piece is shorter than 0.5 s, constant or below 1 kHz. \
     <b>modulation</b>: power of the 2 ms envelope over its mean in octaves from 2 to 128 Hz, dB. <b>autocorr.</b>: autocorrelation of that \
     envelope from 2 to 256 ms. <b>levels 5 ms</b>: seven quantiles of the levels over 5 ms, dB. <b>kurtosis</b>: ratio of excess + 1, octaves; samples \
     beyond the 99.9 % quantile are clipped. <b>crest</b>: crest factor, dB. <b>band corr.</b>: correlations between the 8 ms envelopes of \
@@ -97,7 +97,9 @@ const CONTACTS: &str = "<p>Errors at held-out speeds and forces; in brackets the
     alternative.</p>";
 
 fn ink(method: Method) -> Ink {
-    if method == Method::Floor { Ink::Grey } else { Ink::CYCLE[(method as usize - 1) % Ink::CYCLE.len()] }
+    // The floor and the last baseline, which is dashed, have the colour that is left.
+    let number = (method as usize).checked_sub(1);
+    number.and_then(|number| Ink::CYCLE.get(number)).copied().unwrap_or(Ink::Grey)
 }
 
 fn signed_by_band(split: &SplitResult) -> Plot {

@@ -4,9 +4,9 @@ mod fits;
 
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
+use super::pair::Pair;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::{peak, plain};
-use super::spectra::receptors;
 use super::svg::escape;
 use super::theme::Ink;
 use super::{figures, loci, responses, texture_map};
@@ -14,8 +14,6 @@ use fits::{contacts, friction, stiffness};
 use haptograph_learning::learn::LearningReport;
 use haptograph_learning::learn::texture::{Fate, SegmentReport, TextureReport};
 use haptograph_learning::recording::ProcessedRecording;
-use haptograph_signal::spectrum::welch;
-use haptograph_signal::window::Window;
 use haptograph_surfaces::rendering::synthesise;
 use haptograph_surfaces::{Origin, Surface, TextureModel, VertexKind};
 
@@ -265,68 +263,13 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
     }
 }
 
-/// The recording, the synthesis along the same speed and force, and the spectra of both (Fig. 2.10).
+/// The recording beside the synthesis along the same speed and force (Fig. 2.10).
 fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -> String {
-    let rate_hz = drag.rate_hz();
-    let recorded = &drag.signals().acceleration_m_s2;
     let Ok(played) = synthesise(texture, &drag.trajectory(), &Default::default()) else {
         return "<p>The rates of the texture and the recording differ.</p>".to_owned();
     };
-    let loudest = 1.05 * peak(recorded).max(peak(&played));
-    let over_time = |title: &str, ink: Ink, samples: &[f64]| Plot {
-        title: title.into(),
-        x: Axis::of("Time (s)").over(0.0, samples.len() as f64 / rate_hz),
-        y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
-        marks: vec![Mark::samples(Style::of(ink), rate_hz, samples, 1.0)],
-        size: (0.0, 180.0),
-        ..Plot::default()
-    };
-    let plots = [
-        over_time("Recorded", Ink::Blue, recorded),
-        Plot {
-            caption: "The synthesis should be as strong as the recording at each time; its noise differs."
-                .to_owned(),
-            ..over_time("Synthesised along the same speed and force", Ink::Orange, &played)
-        },
-        spectra(rate_hz, &[("recorded", Ink::Blue, recorded), ("synthesised", Ink::Orange, &played)]),
-    ];
-    figures_of(&plots)
-}
-
-/// Plotted frequencies, Hz; tactile sensitivity ends near 1 kHz.
-const SHOWN_HZ: (f64, f64) = (20.0, 2000.0);
-
-fn highest(curve: &Mark) -> f64 {
-    match curve {
-        Mark::Line(_, points) => points.iter().map(|(_, density)| *density).fold(0.0, f64::max),
-        _ => 0.0,
-    }
-}
-
-/// Mean spectra in one frame.
-fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
-    let segment = (0.2 * rate_hz) as usize;
-    let line = |&(name, ink, samples): &(&str, Ink, &[f64])| {
-        let psd = welch(samples, rate_hz, segment.min(samples.len()), segment / 2, Window::Hann).ok()?;
-        let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied());
-        let shown = points.filter(|(f, d)| (SHOWN_HZ.0..=SHOWN_HZ.1).contains(f) && *d > 0.0);
-        Some(Mark::Line(Style::named(ink, name), shown.collect()))
-    };
-    let mut marks: Vec<Mark> = signals.iter().filter_map(line).collect();
-    let shown_hz = (SHOWN_HZ.0, SHOWN_HZ.1.min(0.5 * rate_hz));
-    let loudest = marks.iter().map(highest).fold(0.0, f64::max);
-    marks.extend((loudest > 0.0).then(|| receptors(shown_hz, loudest)).into_iter().flatten());
-    Plot {
-        title: "Mean spectra".into(),
-        x: Axis::of("Frequency (Hz)").over(shown_hz.0, shown_hz.1).log(),
-        y: Axis::of("Density ((m/s²)²/Hz)").log(),
-        marks,
-        size: (0.0, 250.0),
-        caption: "Where the curves coincide, the synthesis has the mean spectrum of the recording. The lines above are the bands of \
-                  the hand's receptors; those of SA-I and SA-II end at 5 Hz."
-            .to_owned(),
-        ..Plot::default()
-    }
+    let samples = [&drag.signals().acceleration_m_s2[..], &played];
+    Pair { names: ["recorded", "synthesised"], samples, unit: "m/s²", rate_hz: drag.rate_hz() }.section()
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ pub mod learning;
 mod loci;
 mod map_figures;
 pub mod page;
+pub mod pair;
 mod player;
 pub mod plot;
 pub mod plot_request;

@@ -127,25 +127,49 @@ impl Sound {
 
     /// A WAV file with 16-bit samples.
     pub(crate) fn to_wav(&self) -> Vec<u8> {
-        let bytes = 2 * self.samples.len() as u32;
-        let mut wav = Vec::with_capacity(44 + bytes as usize);
-        wav.extend(b"RIFF");
-        wav.extend((36 + bytes).to_le_bytes());
-        wav.extend(b"WAVEfmt ");
-        // PCM, one channel, bytes per second, bytes per frame, bits per sample.
-        wav.extend(16_u32.to_le_bytes());
-        wav.extend(1_u16.to_le_bytes());
-        wav.extend(1_u16.to_le_bytes());
-        wav.extend(RATE_HZ.to_le_bytes());
-        wav.extend((2 * RATE_HZ).to_le_bytes());
-        wav.extend(2_u16.to_le_bytes());
-        wav.extend(16_u16.to_le_bytes());
-        wav.extend(b"data");
-        wav.extend(bytes.to_le_bytes());
-        let samples = self.samples.iter().map(|x| (x * 32767.0).round() as i16);
-        wav.extend(samples.flat_map(i16::to_le_bytes));
-        wav
+        wav(&self.samples, 1)
     }
+}
+
+/// The beginnings of two vibrations of one rate as a WAV file of two channels at one scale; `None` if both are silent, or if
+/// their rate cannot be converted.
+pub(crate) fn wav_of_pair(samples: [&[f64]; 2], rate_hz: f64) -> Option<Vec<u8>> {
+    let from = Rate::parse(&rate_hz.to_string()).ok()?;
+    let to = Rate::from_hz(u64::from(RATE_HZ)).ok()?;
+    let most = samples[0].len().min(samples[1].len()).min((LONGEST_S * rate_hz) as usize);
+    let resampled = samples.map(|samples| {
+        let mean = samples[..most].iter().sum::<f64>() / most.max(1) as f64;
+        let about_mean: Vec<f64> = samples[..most].iter().map(|x| x - mean).collect();
+        resample_whole(&about_mean, from, to, Quality::STANDARD).ok()
+    });
+    let [a, b] = [resampled[0].as_ref()?, resampled[1].as_ref()?];
+    let peak = a.iter().chain(b).fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let full_scale = peak / 10_f64.powf(PEAK_DBFS / 20.0);
+    let both = [a, b].map(|samples| levelled(samples, full_scale));
+    let frames: Vec<f32> = both[0].iter().zip(&both[1]).flat_map(|(a, b)| [*a, *b]).collect();
+    (peak > 0.0).then(|| wav(&frames, 2))
+}
+
+/// A WAV file at [`RATE_HZ`] with 16-bit samples, frame after frame.
+fn wav(samples: &[f32], channels: u16) -> Vec<u8> {
+    let (bytes, frame) = (2 * samples.len() as u32, 2 * channels);
+    let mut wav = Vec::with_capacity(44 + bytes as usize);
+    wav.extend(b"RIFF");
+    wav.extend((36 + bytes).to_le_bytes());
+    wav.extend(b"WAVEfmt ");
+    // PCM, channels, rate, bytes per second, bytes per frame, bits per sample.
+    wav.extend(16_u32.to_le_bytes());
+    wav.extend(1_u16.to_le_bytes());
+    wav.extend(channels.to_le_bytes());
+    wav.extend(RATE_HZ.to_le_bytes());
+    wav.extend((u32::from(frame) * RATE_HZ).to_le_bytes());
+    wav.extend(frame.to_le_bytes());
+    wav.extend(16_u16.to_le_bytes());
+    wav.extend(b"data");
+    wav.extend(bytes.to_le_bytes());
+    let samples = samples.iter().map(|x| (x * 32767.0).round() as i16);
+    wav.extend(samples.flat_map(i16::to_le_bytes));
+    wav
 }
 
 /// Samples relative to full scale, faded at both ends.
@@ -201,6 +225,23 @@ mod tests {
         assert_eq!(wav.len(), 44 + 2 * 480_000);
         let reader = hound::WavReader::new(&wav[..]).unwrap();
         assert_eq!((reader.spec().sample_rate, reader.duration()), (48_000, 480_000));
+    }
+
+    #[test]
+    fn a_pair_keeps_its_proportion_and_is_as_long_as_the_shorter() {
+        let [loud, faint] = [(250.0, 1.0), (100.0, 0.1)]
+            .map(|(hz, level)| -> Vec<f64> { tone(hz, 1e4, 12.0).into_iter().map(|x| level * x).collect() });
+        let wav = wav_of_pair([&loud, &faint[..20_000]], 1e4).unwrap();
+        let mut reader = hound::WavReader::new(&wav[..]).unwrap();
+        assert_eq!((reader.spec().channels, reader.duration()), (2, 96_000));
+        let frames: Vec<f64> = reader.samples::<i16>().map(|x| f64::from(x.unwrap()) / 32767.0).collect();
+        let peaks = [0, 1].map(|channel| {
+            frames.iter().skip(channel).step_by(2).fold(0.0, |peak: f64, x| peak.max(x.abs()))
+        });
+        assert!((20.0 * peaks[0].log10() - PEAK_DBFS).abs() < 0.01, "{peaks:?}");
+        assert!((peaks[0] / peaks[1] - 10.0).abs() < 0.1, "{peaks:?}");
+        assert!(wav_of_pair([&[1.0; 100], &[1.0; 100]], 1e4).is_none());
+        assert!(wav_of_pair([&[], &[]], 1e4).is_none() && wav_of_pair([&loud, &faint], 1e-9).is_none());
     }
 
     #[test]

@@ -4,14 +4,18 @@ mod signal;
 
 use super::Failure;
 use super::import::{NamedColumn, Tables, named_column};
-use super::result::{CommandResult, show};
+use super::placing::{Force, Output};
+use super::result::{CommandResult, look_at, show};
 use super::table::{facts, significant};
 use crate::engine::registry::Registry;
 use crate::learning::metrics::level::{
     envelope_between_seeds_db, envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db,
 };
-use crate::learning::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
+use crate::learning::metrics::{
+    BandErrors, Bands, Deviations, Fluctuation, FluctuationErrors, WindowSettings, compare,
+};
 use crate::learning::recording::ImportSettings;
+use crate::report::pair::Pair;
 use serde::Serialize;
 use signal::{Motion, Signal};
 use std::path::PathBuf;
@@ -45,6 +49,11 @@ pub(super) struct Arguments {
     /// not computed
     #[arg(long, value_name = "NSE,PE", value_parser = deviations)]
     deviations: Option<Deviations>,
+    /// Also write a page into this folder: both to listen to with a switch, and how they fluctuate
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// Print all measures as JSON
     #[arg(long)]
     json: bool,
@@ -80,6 +89,9 @@ struct Measures {
     error_total_db: f64,
     /// Of both.
     excess_kurtosis: [f64; 2],
+    /// Of how the levels fluctuate.
+    fluctuation: Option<FluctuationErrors>,
+    fluctuation_reason: Option<&'static str>,
     lsd_100_500_db: Option<f64>,
     lsd_db: f64,
     lsd_pacinian_db: f64,
@@ -96,6 +108,7 @@ struct Measures {
     /// Samples of a window.
     #[serde(skip)]
     samples: usize,
+    page: Option<PathBuf>,
     /// The files that are simulated.
     #[serde(skip)]
     simulated_files: Option<String>,
@@ -109,8 +122,10 @@ struct BandError {
 
 pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let (column, import) = import(arguments)?;
+    let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let (a, b) = (Signal::read(&arguments.a, column, &import)?, Signal::read(&arguments.b, column, &import)?);
     signal::warn_of_units([&a, &b]);
+    let unit = signal::common_unit([&a, &b]);
     let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
     let simulated = match (a.simulated, b.simulated) {
         (false, false) => None,
@@ -123,6 +138,17 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut measures = measures(arguments, [&a, &b], &motions, rate_hz)?;
     measures.simulated = simulated.is_some();
     measures.simulated_files = simulated;
+    if let Some(page) = page {
+        let both = a.len().min(b.len());
+        let paths = [&arguments.a, &arguments.b];
+        let short = paths.map(|path| path.file_name().unwrap_or_default().to_string_lossy());
+        let are_alike = short[0] == short[1];
+        let names = if are_alike { paths.map(|path| path.to_string_lossy()) } else { short };
+        let pair =
+            Pair { names: [&names[0], &names[1]], samples: [&a[..both], &b[..both]], unit: &unit, rate_hz };
+        let shown = measures.shown().into_iter().map(|(name, value)| (name.trim().to_owned(), value));
+        measures.page = Some(page.write(pair.page(measures.simulated, &shown.collect::<Vec<_>>()))?);
+    }
     show(&measures, arguments.json)
 }
 
@@ -166,6 +192,8 @@ fn measures(
     let bands = Bands::counted(both as f64 / rate_hz, rate_hz);
     let errors = BandErrors::new(&bands.of_signal([a], rate_hz), &bands.of_signal([b], rate_hz));
     let by_band = errors.bands.as_slice().iter().zip(&errors.signed_db);
+    let fluctuations = Fluctuation::of(a, rate_hz).zip(Fluctuation::of(b, rate_hz));
+    let errors_of_fluctuation = fluctuations.map(|(a, b)| a.errors(&b));
     let references = level_references([a, b], motions, rate_hz);
     let sd = arguments.deviations.map(|by| windows.nse / by.nse + windows.pe / by.pe);
     Ok(Measures {
@@ -180,6 +208,8 @@ fn measures(
         error_20_40_db: errors.low_db,
         error_total_db: errors.total_db,
         excess_kurtosis: [a, b].map(excess_kurtosis),
+        fluctuation_reason: errors_of_fluctuation.is_none().then_some(NO_FLUCTUATION),
+        fluctuation: errors_of_fluctuation,
         lsd_100_500_db: errors.middle_lsd_db,
         lsd_db: errors.lsd_db,
         lsd_pacinian_db: errors.pacinian_lsd_db,
@@ -193,6 +223,7 @@ fn measures(
         unexplained_level_db: references.map(|(unexplained_db, _)| unexplained_db),
         windows: windows.windows,
         samples: settings.samples,
+        page: None,
         simulated_files: None,
     })
 }
@@ -208,12 +239,40 @@ fn level_references([a, b]: [&[f64]; 2], motions: &[Motion; 2], rate_hz: f64) ->
     of(b, &motions[1]).or_else(|| of(a, &motions[0]))
 }
 
+/// Errors of the fluctuation, as shown.
+fn fluctuation(errors: Option<FluctuationErrors>) -> Vec<(&'static str, String)> {
+    let Some(errors) = errors else {
+        return vec![("modulation, 2 to 128 Hz", format!("none: {NO_FLUCTUATION}"))];
+    };
+    let db = |value: f64| format!("{value:.2} dB");
+    let number = |value: f64| format!("{value:.2}");
+    vec![
+        ("modulation, 2 to 128 Hz", db(errors.modulation_db)),
+        ("  autocorrelation of the envelope", number(errors.autocorrelation)),
+        ("  levels over 5 ms, quantiles", db(errors.level_quantiles_db)),
+        ("  levels over 5 and 50 ms, deviation", {
+            format!("{:.2} and {:.2} dB", errors.level_deviation_5_ms_db, errors.level_deviation_50_ms_db)
+        }),
+        ("  kurtosis, octaves", number(errors.kurtosis_octaves)),
+        ("  crest factor", db(errors.crest_db)),
+        ("  correlation of bands", number(errors.band_correlation)),
+    ]
+}
+
 const NO_ENVELOPE: &str =
     "neither file is a recording of 0.2 s or more with force and speed, beside which it could be read";
+const NO_FLUCTUATION: &str =
+    "the time that both cover is under 0.5 s, the rate below 1 kHz, or a file is constant";
 const NO_SD: &str = "not computed: it needs the deviations of a study; give them by --deviations";
 
 impl CommandResult for Measures {
     fn text(&self) -> String {
+        facts(&self.shown()) + &look_at(self.page.as_ref())
+    }
+}
+
+impl Measures {
+    fn shown(&self) -> Vec<(&'static str, String)> {
         let db = |value: Option<f64>| {
             value.map_or_else(|| "none: no band to compare".to_owned(), |x| format!("{x:.2} dB"))
         };
@@ -237,12 +296,15 @@ impl CommandResult for Measures {
             ("energy in the wrong of nine bands", format!("{:.1} %", 100.0 * self.misplaced)),
             ("excess kurtosis", format!("{a:.2} and {b:.2}")),
             ("levels over 50 ms", levels),
+        ];
+        shown.extend(fluctuation(self.fluctuation));
+        shown.extend([
             ("normalized spectral error (NSE)", number(self.nse)),
             ("power error (PE)", number(self.pe)),
             ("spectral difference (SD)", self.sd.map_or_else(|| format!("none: {NO_SD}"), number)),
             ("windows", windows),
-        ];
+        ]);
         shown.extend(self.simulated_files.clone().map(|which| ("simulated", which)));
-        facts(&shown)
+        shown
     }
 }

@@ -17,6 +17,7 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     for measure in ["NSE", "PE", "SD", "lsd_db", "lsd_pacinian_db", "error_total_db"] {
         assert_eq!(same[measure], 0.0, "{measure}");
     }
+    assert!(same["fluctuation"].as_object().unwrap().values().all(|error| error == 0.0), "{same}");
     // A column has no force and speed, beside which levels could be read.
     assert!(same["envelope_db"].is_null() && same["envelope_reason"].is_string());
     assert_eq!(same["simulated"], false);
@@ -65,6 +66,13 @@ fn levels_are_compared_beside_what_force_and_speed_tell_of_them() {
     let mixed = json(folder, &["compare", b, &other, "--rate", "10000", "--json"]);
     assert_eq!(mixed["unexplained_level_db"], same["unexplained_level_db"]);
     assert!(succeed(folder, &["compare", a, b]).contains("force and speed leave"));
+    // The page has both in one player.
+    let page = elsewhere.path().join("page").display().to_string();
+    let report = ["compare", a, b, "--report", &page, "--json"];
+    let written = json(folder, &report)["page"].as_str().unwrap().to_owned();
+    let html = fs::read_to_string(&written).unwrap();
+    assert_eq!(html.matches("<audio").count(), 1);
+    assert!(html.contains("T1.anna.1.npz") && html.contains("aria-pressed"));
 }
 
 /// An RF64 file (EBU Tech 3306) of 32-bit floats that announces so many frames, and holds these.

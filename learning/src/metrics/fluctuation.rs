@@ -5,15 +5,16 @@ use haptograph_signal::spectrum::welch;
 use haptograph_signal::statistics::{mean, standard_deviation, z_scores};
 use haptograph_signal::window::Window;
 use haptograph_signal::{Complex64, fft};
+use haptograph_surfaces::layers::grain::OCTAVES_HZ;
 use std::f64::consts::SQRT_2;
 
-/// Shortest signal that is measured, s: one period of the lowest octave.
+/// Shortest signal that is measured, s: one period of the lowest octave; and the lowest rate, Hz, with two samples in an interval
+/// of the envelope.
 const SHORTEST_S: f64 = 0.5;
+const LOWEST_RATE_HZ: f64 = 1000.0;
 /// Length of the intervals of the envelope, and of the segments of its spectrum, s.
 const ENVELOPE_S: f64 = 0.002;
 const SEGMENT_S: f64 = 1.0;
-/// Octaves of the modulation spectrum, Hz.
-const OCTAVES_HZ: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 /// Lowest power in an octave, relative to the squared mean of the envelope.
 const LEAST_MODULATION: f64 = 1e-12;
 /// Lags of the envelope's autocorrelation, s.
@@ -33,9 +34,9 @@ const BAND_ENVELOPE_S: f64 = 0.008;
 
 /// The fluctuation of a vibration.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Fluctuation {
-    /// Power of the 2 ms RMS envelope over its mean, in the octaves that its rate has, dB.
-    modulation_db: Vec<f64>,
+pub struct Fluctuation {
+    /// Power of the 2 ms RMS envelope over its mean, in octaves, dB.
+    modulation_db: [f64; OCTAVES_HZ.len()],
     /// Autocorrelation of the same envelope less its mean, interpolated at the lags.
     autocorrelation: [f64; LAGS_S.len()],
     /// Quantiles of the levels over 5 ms, dB relative to the signal's unit.
@@ -52,8 +53,8 @@ pub(crate) struct Fluctuation {
 
 /// Differences between the fluctuations of two vibrations: root mean squares over octaves, lags, quantiles and pairs, and
 /// magnitudes of single values.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct FluctuationErrors {
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
+pub struct FluctuationErrors {
     /// Of the modulation spectrum: the power of the 2 ms envelope over its mean, in octaves from 2 to 128 Hz, dB.
     pub modulation_db: f64,
     /// Of the autocorrelation of that envelope, at lags from 2 to 256 ms.
@@ -68,18 +69,19 @@ pub(crate) struct FluctuationErrors {
     /// Of the correlations between the 8 ms envelopes of four bands from 30 to 1000 Hz.
     pub band_correlation: f64,
     /// Of the standard deviation of the levels over 5 ms, dB.
-    pub deviation_5_ms_db: f64,
+    pub level_deviation_5_ms_db: f64,
     /// Of the standard deviation of the levels over 50 ms, dB.
-    pub deviation_50_ms_db: f64,
+    pub level_deviation_50_ms_db: f64,
 }
 
 impl Fluctuation {
-    /// Measures a signal; `None` if it is shorter than 0.5 s, constant, or not finite.
-    pub(crate) fn of(signal: &[f64], rate_hz: f64) -> Option<Self> {
+    /// Measures a signal; `None` if it is shorter than 0.5 s, below 1 kHz, constant, or not finite.
+    pub fn of(signal: &[f64], rate_hz: f64) -> Option<Self> {
         let middle = mean(signal);
         let signal: Vec<f64> = signal.iter().map(|x| x - middle).collect();
         let deviation = standard_deviation(&signal);
-        if (signal.len() as f64) < SHORTEST_S * rate_hz || !(deviation.is_finite() && deviation > 0.0) {
+        let is_short = (signal.len() as f64) < SHORTEST_S * rate_hz || rate_hz < LOWEST_RATE_HZ;
+        if is_short || !(deviation.is_finite() && deviation > 0.0) {
             return None;
         }
         let (modulation, modulation_rate_hz) = modulation(&signal, rate_hz);
@@ -103,8 +105,18 @@ impl Fluctuation {
         })
     }
 
+    /// Power of the 2 ms RMS envelope over its mean: middle of an octave, Hz, and dB.
+    pub fn modulation_db(&self) -> impl Iterator<Item = (f64, f64)> {
+        OCTAVES_HZ.into_iter().zip(self.modulation_db)
+    }
+
+    /// Quantiles of the levels over 5 ms: part of the time below, and dB relative to the signal's unit.
+    pub fn quantiles_db(&self) -> impl Iterator<Item = (f64, f64)> {
+        QUANTILES.into_iter().zip(self.quantiles_db)
+    }
+
     /// The differences to another vibration of the same rate.
-    pub(crate) fn errors(&self, other: &Self) -> FluctuationErrors {
+    pub fn errors(&self, other: &Self) -> FluctuationErrors {
         let octaves = |kurtosis: f64| (kurtosis + 1.0).max(0.25).log2();
         let deviation_db = |over: usize| (self.deviations_db[over] - other.deviations_db[over]).abs();
         FluctuationErrors {
@@ -114,8 +126,8 @@ impl Fluctuation {
             kurtosis_octaves: (octaves(self.kurtosis) - octaves(other.kurtosis)).abs(),
             crest_db: (self.crest_db - other.crest_db).abs(),
             band_correlation: rms_difference(&self.band_correlations, &other.band_correlations),
-            deviation_5_ms_db: deviation_db(0),
-            deviation_50_ms_db: deviation_db(1),
+            level_deviation_5_ms_db: deviation_db(0),
+            level_deviation_50_ms_db: deviation_db(1),
         }
     }
 }
@@ -128,14 +140,12 @@ fn modulation(signal: &[f64], rate_hz: f64) -> (Vec<f64>, f64) {
     (envelope.iter().map(|level| level / mean_level - 1.0).collect(), rate_hz / samples)
 }
 
-/// Powers in the octaves below half the rate, dB.
-fn octaves_db(modulation: &[f64], rate_hz: f64) -> Option<Vec<f64>> {
+/// Powers in the octaves, dB.
+fn octaves_db(modulation: &[f64], rate_hz: f64) -> Option<[f64; OCTAVES_HZ.len()]> {
     let segment = modulation.len().min((SEGMENT_S * rate_hz) as usize);
     let spectrum = welch(modulation, rate_hz, segment, segment / 2, Window::Hann).ok()?;
-    let octaves = OCTAVES_HZ.into_iter().map(|hz| (hz / SQRT_2, hz * SQRT_2));
-    let resolved = octaves.filter(|(_, high_hz)| *high_hz <= 0.5 * rate_hz);
-    let power = |(low_hz, high_hz)| spectrum.power_between(low_hz, high_hz).max(LEAST_MODULATION);
-    Some(resolved.map(|edges_hz| 10.0 * power(edges_hz).log10()).collect())
+    let power = |hz: f64| spectrum.power_between(hz / SQRT_2, hz * SQRT_2).max(LEAST_MODULATION);
+    Some(OCTAVES_HZ.map(|hz| 10.0 * power(hz).log10()))
 }
 
 /// A signal clipped at a quantile of its magnitude.
@@ -154,12 +164,13 @@ fn interpolated(values: &[f64], place: f64) -> f64 {
     values[below] + (place - below as f64) * (values[above] - values[below])
 }
 
-/// Autocovariance by lag of a signal of mean zero, not divided by the length.
+/// Autocovariance by lag of a signal of mean zero, without bias by the lag.
 fn autocovariance(signal: &[f64]) -> Vec<f64> {
     let mut spectrum = spectrum(signal, 2 * signal.len());
     spectrum.iter_mut().for_each(|x| *x = Complex64::new(x.norm_sqr(), 0.0));
     fft::inverse(spectrum.len()).process(&mut spectrum);
-    spectrum[..signal.len()].iter().map(|x| x.re).collect()
+    let products = (1..=signal.len()).rev();
+    spectrum.iter().zip(products).map(|(x, products)| x.re / products as f64).collect()
 }
 
 /// The spectrum of a signal followed by zeros. Its length is a power of two, so that few transforms are planned.
@@ -251,7 +262,7 @@ mod tests {
             (near.level_quantiles_db, far.level_quantiles_db),
             (near.kurtosis_octaves, far.kurtosis_octaves),
             (near.band_correlation, far.band_correlation),
-            (near.deviation_5_ms_db, far.deviation_5_ms_db),
+            (near.level_deviation_5_ms_db, far.level_deviation_5_ms_db),
         ] {
             assert!(far > 3.0 * near, "{near} and {far}");
         }
@@ -267,18 +278,14 @@ mod tests {
     }
 
     #[test]
-    fn a_low_rate_has_the_octaves_below_its_half_and_finite_errors() {
-        let at = |seed: u64, rate_hz: f64| {
-            Fluctuation::of(&swinging(0.5, 16.0, seed), rate_hz).expect("it is long enough")
-        };
-        for (rate_hz, octaves) in [(1000.0, 7), (300.0, 6), (20.0, 2)] {
-            let (a, b) = (at(1, rate_hz), at(2, rate_hz));
-            assert_eq!(a.modulation_db.len(), octaves, "{rate_hz} Hz");
-            let errors = a.errors(&b);
-            let errors =
-                [errors.modulation_db, errors.autocorrelation, errors.band_correlation, errors.crest_db];
-            assert!(errors.iter().all(|error| error.is_finite()), "{errors:?}");
-        }
+    fn the_lowest_rate_has_all_octaves_and_finite_errors() {
+        let at = |seed: u64, rate_hz: f64| Fluctuation::of(&swinging(0.5, 16.0, seed), rate_hz);
+        let [a, b] = [1, 2].map(|seed| at(seed, 1000.0).expect("it is long enough"));
+        assert!(a.modulation_db().all(|(_, power_db)| (-60.0..0.0).contains(&power_db)), "{a:?}");
+        let errors = a.errors(&b);
+        let errors = [errors.modulation_db, errors.autocorrelation, errors.band_correlation, errors.crest_db];
+        assert!(errors.iter().all(|error| error.is_finite()), "{errors:?}");
+        assert_eq!(at(1, 999.0), None);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! - `responsiveness`: the losses of their variation, section 4.5.3.
 //! - `bands`: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
 //! - [`level`]: kurtosis and levels over time.
-//! - `fluctuation`: modulation, quantiles of levels, kurtosis and correlation of bands of one rendering.
+//! - [`FluctuationErrors`]: modulation, quantiles of levels, kurtosis and correlation of bands of one rendering.
 //! - `image`: roughness and fineness of a photograph, section 3.2.
 
 pub(crate) mod bands;
@@ -19,6 +19,7 @@ pub(crate) mod responsiveness;
 pub mod spectral;
 
 pub use bands::{Band, BandErrors, BandPowers, Bands, log_spectral_distance};
+pub use fluctuation::{Fluctuation, FluctuationErrors};
 pub use image::{GrayImage, fineness_per_mm, roughness};
 pub use pairs::{all_pairs, pair_index};
 pub use spectral::{

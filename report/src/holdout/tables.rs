@@ -65,7 +65,7 @@ pub fn methods(split: &SplitResult, measures: Measures) -> Option<Table> {
             Measures::All => method.method.title(),
             _ => method.method.as_str(),
         };
-        let star = if method.loses { " *" } else { "" };
+        let star = if method.loses && !is_seeds(measures) { " *" } else { "" };
         let cells = columns().map(|column| cell(method, column));
         std::iter::once(format!("{name}{star}")).chain(cells).collect()
     });

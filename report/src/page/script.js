@@ -37,6 +37,38 @@
     label();
   }
 
+  // Two vibrations in the channels of one player: the chosen one on both sides, without a gap. Until it plays, the browser
+  // allows no sound to be routed.
+  for (const pair of document.querySelectorAll(".beside")) {
+    const audio = pair.querySelector("audio");
+    const buttons = [...pair.querySelectorAll("button")];
+    const gains = [];
+    const choose = () =>
+      gains.forEach((gain, k) => {
+        const chosen = buttons[k].getAttribute("aria-pressed") === "true" ? 1 : 0;
+        gain.gain.setTargetAtTime(chosen, gain.context.currentTime, 0.005);
+      });
+    if (!window.AudioContext) continue;
+    pair.querySelector(".choice").hidden = false;
+    audio.addEventListener("play", () => {
+      if (gains.length > 0) return;
+      const context = new AudioContext();
+      const split = new ChannelSplitterNode(context, { numberOfOutputs: 2 });
+      new MediaElementAudioSourceNode(context, { mediaElement: audio }).connect(split);
+      buttons.forEach((_, k) => {
+        gains.push(new GainNode(context, { gain: 0, channelCount: 1, channelCountMode: "explicit" }));
+        split.connect(gains[k], k).connect(context.destination);
+      });
+      choose();
+    });
+    for (const button of buttons) {
+      button.addEventListener("click", () => {
+        buttons.forEach((other) => other.setAttribute("aria-pressed", String(other === button)));
+        choose();
+      });
+    }
+  }
+
   const SPAN = 1000; // width of the marks' coordinate system
   const SVG = "http://www.w3.org/2000/svg";
   const numbers = (text) => (text.match(/-?\d+(\.\d+)?/g) || []).map(Number);

@@ -73,6 +73,15 @@ impl Signal {
     }
 }
 
+/// The unit of both, as it is shown; acceleration's if neither states one.
+pub(super) fn common_unit(signals: [&Signal; 2]) -> String {
+    match signals.map(|signal| signal.unit.as_deref()) {
+        [Some(one), Some(other)] if one != other => format!("{one}, {other}"),
+        [Some(unit), _] | [None, Some(unit)] => unit.replace("s2", "s²"),
+        [None, None] => "m/s²".to_owned(),
+    }
+}
+
 /// Warns if the units of two vibrations differ or are unknown.
 pub(super) fn warn_of_units(signals: [&Signal; 2]) {
     if let [(a, Some(one)), (b, Some(other))] = signals.map(|signal| (signal.path.display(), &signal.unit))

@@ -49,9 +49,10 @@ impl CommandResult for HeldOut {
              power, dB. envelope: of levels over 50 ms, in brackets between two noises of one method. * worse than a plain baseline.\n\
              Single seeds: mean errors, in brackets their standard deviation. LSD, dB; of the 2 ms envelope: modulation from 2 to 128 Hz, dB,\n\
              and autocorrelation; of the levels over 5 ms: quantiles, dB; kurtosis, octaves; crest, dB; correlation of four bands' envelopes;\n\
-             standard deviation (spread) of the levels over 5 and 50 ms, dB. Floor: a stretch of the training part as long as the test part.\n\
+             standard deviation (spread) of the levels over 5 and 50 ms, dB. –: a piece is shorter than 0.5 s, constant or below 1 kHz.\n\
+             Floor: a stretch of the training part as long as the shortest piece. best: the floor left out.\n\
              floor: the training part's own spectrum. one_model: plain, of order 20 for the part. windows: plain, of 0.2 s, the nearest.\n\
-             one_warped: plain, warped of order 12. phases: plain, regressed spectra with random phases. clips: plain, of 0.3 s, the nearest.\n",
+             one_warped: plain, warped of order 12. phases: plain, regressed spectra with random phases. clips: plain, of 0.3 s, the three nearest.\n",
             self.found.seeds
         );
         let splits = self.found.splits().into_iter().map(|split| of_split(&self.found, &split));

@@ -18,8 +18,7 @@ const STATIONARY: u64 = 8;
 /// Maximum number of samples rendered ahead, unless a single seed is longer: 128 MiB.
 const MAX_SAMPLES: usize = 16 << 20;
 
-/// Errors of a method on a test part. The rendering is Gaussian noise of several seeds, whose powers are
-/// averaged.
+/// Errors of a method on a test part, rendered from several seeds, whose powers are averaged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
     /// Errors per band and over bands.
@@ -33,8 +32,8 @@ pub struct Measures {
     /// Normalised spectral error and power error of the first seed, Eq. 2.5.1 and 2.5.2; `None` for the
     /// floor.
     pub nse_pe: Option<(f64, f64)>,
-    /// Errors of the rendering of each seed; of the floor, those of stretches of the training part as long as the test part.
-    /// Empty if a piece is under 0.5 s.
+    /// Errors of the rendering of each seed; of the floor, those of stretches of the training part as long as the shortest piece
+    /// of both parts.
     pub(super) seeds: Vec<SeedErrors>,
 }
 
@@ -43,14 +42,15 @@ pub struct Measures {
 pub(super) struct SeedErrors {
     /// Log-spectral distance, dB.
     pub(super) lsd_db: f64,
-    /// Errors of the fluctuation, of each piece of the test part.
+    /// Errors of the fluctuation, of each piece of the test part that has one.
     fluctuation: Vec<FluctuationErrors>,
 }
 
 impl SeedErrors {
-    /// Mean of an error over the pieces.
-    pub(super) fn mean(&self, error: fn(&FluctuationErrors) -> f64) -> f64 {
-        mean(&self.fluctuation.iter().map(error).collect::<Vec<f64>>())
+    /// Mean of an error over the pieces; `None` without any.
+    pub(super) fn mean(&self, error: fn(&FluctuationErrors) -> f64) -> Option<f64> {
+        let errors: Vec<f64> = self.fluctuation.iter().map(error).collect();
+        (!errors.is_empty()).then(|| mean(&errors))
     }
 }
 
@@ -73,16 +73,15 @@ impl<'a> Target<'a> {
         Self { train, test, estimator, recorded, fluctuations }
     }
 
-    /// The errors of pieces in the place of the test part's; `None` if a piece has no fluctuation.
-    fn seed_errors(&self, powers: &BandPowers, pieces: &[&[f64]]) -> Option<SeedErrors> {
-        let errors = pieces.iter().zip(&self.fluctuations).map(|(piece, recorded)| {
-            let rendered = Fluctuation::of(piece, self.estimator.rate_hz)?;
-            Some(rendered.errors(recorded.as_ref()?))
+    /// The errors of pieces in the place of the test part's.
+    fn seed_errors(&self, powers: &BandPowers, pieces: &[&[f64]]) -> SeedErrors {
+        let errors = pieces.iter().zip(&self.fluctuations).filter_map(|(piece, recorded)| {
+            Some(Fluctuation::of(piece, self.estimator.rate_hz)?.errors(recorded.as_ref()?))
         });
-        Some(SeedErrors {
+        SeedErrors {
             lsd_db: log_spectral_distance(powers.powers(), self.recorded.powers()),
-            fluctuation: errors.collect::<Option<_>>()?,
-        })
+            fluctuation: errors.collect(),
+        }
     }
 
     /// The errors of stretches of the training part as long as the shortest piece, each in turn the first of as many as the test
@@ -92,7 +91,7 @@ impl<'a> Target<'a> {
         let length =
             vibrations(train).chain(vibrations(self.test)).map(<[f64]>::len).min().unwrap_or(0).max(1);
         let stretches: Vec<&[f64]> = vibrations(train).flat_map(|piece| piece.chunks_exact(length)).collect();
-        let errors = (0..stretches.len()).filter_map(|first| {
+        let errors = (0..stretches.len()).map(|first| {
             let from: Vec<&[f64]> = stretches.iter().cycle().skip(first).take(pieces).copied().collect();
             let powers = self.estimator.of_signal(from.iter().copied());
             self.seed_errors(&powers, &from)
@@ -210,7 +209,7 @@ pub(super) fn measured(
         let played: Vec<Vec<f64>> = ahead.drain(..trajectories.len()).collect();
         let pieces = || played.iter().map(Vec::as_slice);
         let of_seed = target.estimator.of_signal(pieces());
-        seeds.extend(target.seed_errors(&of_seed, &pieces().collect::<Vec<_>>()));
+        seeds.push(target.seed_errors(&of_seed, &pieces().collect::<Vec<_>>()));
         powers.push(of_seed);
         kurtoses.push(kurtosis(pieces()));
         let levels: Vec<Vec<f64>> = pieces().map(|x| levels_db(x, rate_hz)).collect();

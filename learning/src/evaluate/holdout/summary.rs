@@ -86,7 +86,7 @@ enum Value {
     /// Of all seeds together.
     Together(fn(&Measures) -> Option<f64>),
     /// Of each seed by itself.
-    Seed(fn(&SeedErrors) -> f64),
+    Seed(fn(&SeedErrors) -> Option<f64>),
 }
 
 impl Value {
@@ -108,7 +108,7 @@ impl Value {
     fn of_seeds(&self, part: &Measures) -> Vec<f64> {
         match self {
             Self::Together(_) => vec![],
-            Self::Seed(value) => part.seeds.iter().map(value).collect(),
+            Self::Seed(value) => part.seeds.iter().filter_map(value).collect(),
         }
     }
 }
@@ -145,7 +145,7 @@ const MEASURES: [Row; 24] = [
     (Measure::Nse, "nse", Less::Nothing, Together(|m| m.nse_pe.map(|(nse, _)| nse))),
     (Measure::Pe, "pe", Less::Nothing, Together(|m| m.nse_pe.map(|(_, pe)| pe))),
     // Single seeds: log-spectral distance, and errors of the fluctuation, each in its unit.
-    (Measure::SeedLsd, "seed_lsd_db", Less::Nothing, Seed(|s| s.lsd_db)),
+    (Measure::SeedLsd, "seed_lsd_db", Less::Nothing, Seed(|s| Some(s.lsd_db))),
     (Measure::Modulation, "modulation_db", Less::Nothing, Seed(|s| s.mean(|f| f.modulation_db))),
     (Measure::Autocorrelation, "autocorrelation", Less::Nothing, Seed(|s| s.mean(|f| f.autocorrelation))),
     (Measure::Levels, "level_quantiles_db", Less::Nothing, Seed(|s| s.mean(|f| f.level_quantiles_db))),
@@ -156,13 +156,13 @@ const MEASURES: [Row; 24] = [
         Measure::Deviation5,
         "level_deviation_5_ms_db",
         Less::Nothing,
-        Seed(|s| s.mean(|f| f.deviation_5_ms_db)),
+        Seed(|s| s.mean(|f| f.level_deviation_5_ms_db)),
     ),
     (
         Measure::Deviation50,
         "level_deviation_50_ms_db",
         Less::Nothing,
-        Seed(|s| s.mean(|f| f.deviation_50_ms_db)),
+        Seed(|s| s.mean(|f| f.level_deviation_50_ms_db)),
     ),
 ];
 
