@@ -104,6 +104,9 @@ pub struct FoldResult {
     pub estimator_db: (f64, f64),
 }
 
+/// Part of the progress that the distances of stationary takes count for.
+const CHANCE_PART: f64 = 0.1;
+
 /// Evaluates the drags among `takes` by hold-out. `progress` receives the fraction done.
 ///
 /// # Errors
@@ -124,14 +127,17 @@ pub fn hold_out(
     // Many folds have parts of the same lengths.
     let lengths: BTreeSet<Lengths> = jobs.iter().map(|(.., fold)| fold.lengths()).collect();
     let by_chance =
-        parallel::map(parallel::cores(), &lengths, &|_| (), |lengths| estimator_db(lengths, settings.seeds));
+        parallel::map(parallel::cores(), &lengths, &|part| progress(CHANCE_PART * part), |lengths| {
+            estimator_db(lengths, settings.seeds)
+        });
     let by_chance: BTreeMap<&Lengths, (f64, f64)> = lengths.iter().zip(by_chance).collect();
     let work = |(number, name, split, fold): (usize, &String, Split, Fold)| {
         let estimator_db = by_chance.get(&fold.lengths()).copied().unwrap_or_default();
         let found = one_fold(number, name, split, &fold, settings);
         found.map(|found| FoldResult { estimator_db, ..found })
     };
-    let results = parallel::try_map(parallel::cores(), jobs, progress, work)?;
+    let progress = |part: f64| progress(CHANCE_PART + (1.0 - CHANCE_PART) * part);
+    let results = parallel::try_map(parallel::cores(), jobs, &progress, work)?;
     Ok(Holdout { materials, seeds: settings.seeds, folds: results })
 }
 
