@@ -14,6 +14,7 @@ use fits::{contacts, friction, stiffness};
 use haptograph_learning::learn::LearningReport;
 use haptograph_learning::learn::texture::{Fate, SegmentReport, TextureReport};
 use haptograph_learning::recording::ProcessedRecording;
+use haptograph_surfaces::provenance::VIBRATION_UNIT;
 use haptograph_surfaces::rendering::synthesise;
 use haptograph_surfaces::{Origin, Surface, TextureModel, VertexKind};
 
@@ -63,7 +64,7 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
         sections.push(("Texture map", figures_of(&[map(texture, found)])));
         sections.push(("What it was learned from", segments(surface, &report.drags, found)));
         if let Some(drag) = report.drags.first() {
-            sections.push(("Recorded and synthesised", recorded_and_synthesised(texture, drag)));
+            sections.push(("Recorded and synthesised", recorded_and_synthesised(surface, texture, drag)));
         }
         sections.push(("Response to force and speed", responses::section(texture)));
     }
@@ -146,13 +147,14 @@ fn segments(surface: &Surface, drags: &[ProcessedRecording], found: &TextureRepo
             _ => format!("Acceleration, drag {}", number + 1),
         };
         let note = format!("{} {pieces}, order {}", segments.len(), found.order);
+        let axis = format!("Vibration ({})", unit(surface));
         let drag = Drag { drag, segments, piece };
         let acceleration = drag.signal(Ink::Blue, "acceleration", &signals.acceleration_m_s2, 1.0);
         plots.push(Plot {
             title,
             note,
             caption: format!("The recorded vibration, cut into {pieces}."),
-            ..drag.plot("Acceleration (m/s²)", (-loudest, loudest), vec![acceleration])
+            ..drag.plot(&axis, (-loudest, loudest), vec![acceleration])
         });
         let speed = drag.signal(Ink::Teal, "speed", &signals.speed_m_s, 1e3);
         let fastest = 1.05e3 * peak(&signals.speed_m_s);
@@ -263,13 +265,21 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
     }
 }
 
+/// The unit of the recorded vibrations, which one of another unit leaves open.
+fn unit(surface: &Surface) -> &'static str {
+    let is_other = surface.provenance.settings.keys().any(|name| name.ends_with(VIBRATION_UNIT));
+    if is_other { "unit not known" } else { "m/s²" }
+}
+
 /// The recording beside the synthesis along the same speed and force (Fig. 2.10).
-fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -> String {
+fn recorded_and_synthesised(surface: &Surface, texture: &TextureModel, drag: &ProcessedRecording) -> String {
     let Ok(played) = synthesise(texture, &drag.trajectory(), &Default::default()) else {
         return "<p>The rates of the texture and the recording differ.</p>".to_owned();
     };
     let samples = [&drag.signals().acceleration_m_s2[..], &played];
-    Pair { names: ["recorded", "synthesised"], samples, unit: "m/s²", rate_hz: drag.rate_hz() }.section()
+    let simulated = [is_simulated(surface), false];
+    let names = ["recorded", "synthesised"];
+    Pair { names, samples, unit: unit(surface), rate_hz: drag.rate_hz(), simulated }.section()
 }
 
 #[cfg(test)]

@@ -29,16 +29,18 @@ pub struct Pair<'a> {
     pub unit: &'a str,
     /// Rate of both, Hz.
     pub rate_hz: f64,
+    /// True for those of simulated devices.
+    pub simulated: [bool; 2],
 }
 
 impl Pair<'_> {
     /// A page of them with measures, by name and value.
-    pub fn page(&self, simulated: bool, measures: &[(String, String)]) -> String {
+    pub fn page(&self, measures: &[(String, String)]) -> String {
         let [a, b] = self.names;
         Sheet {
             title: &format!("{a} beside {b}"),
             about: "Both over the time that both cover.",
-            badge: badge(simulated),
+            badge: badge(self.simulated.contains(&true)),
             warnings: &[],
             sections: &[("", self.section()), ("Measures", facts(measures))],
         }
@@ -50,6 +52,7 @@ impl Pair<'_> {
         let loudest = 1.05 * self.samples.map(peak).into_iter().fold(0.0, f64::max);
         let over_time = |k: usize| Plot {
             title: self.names[k].into(),
+            note: badge(self.simulated[k]).into(),
             x: Axis::time().over(0.0, self.samples[k].len() as f64 / self.rate_hz),
             y: Axis::of(format!("Vibration ({})", self.unit)).over(-loudest, loudest),
             marks: vec![Mark::samples(Style::of(INKS[k]), self.rate_hz, self.samples[k], 1.0)],

@@ -127,27 +127,28 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     signal::warn_of_units([&a, &b]);
     let unit = signal::common_unit([&a, &b]);
     let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
-    let simulated = match (a.simulated, b.simulated) {
-        (false, false) => None,
-        (true, true) => Some("both".to_owned()),
-        (true, false) => Some(arguments.a.display().to_string()),
-        (false, true) => Some(arguments.b.display().to_string()),
+    let simulated = [a.simulated, b.simulated];
+    let simulated_files = match simulated {
+        [false, false] => None,
+        [true, true] => Some("both".to_owned()),
+        [true, false] => Some(arguments.a.display().to_string()),
+        [false, true] => Some(arguments.b.display().to_string()),
     };
     let motions = [a.motion_at(rate_hz)?, b.motion_at(rate_hz)?];
     let (a, b) = (a.at(rate_hz)?, b.at(rate_hz)?);
     let mut measures = measures(arguments, [&a, &b], &motions, rate_hz)?;
-    measures.simulated = simulated.is_some();
-    measures.simulated_files = simulated;
+    measures.simulated = simulated_files.is_some();
+    measures.simulated_files = simulated_files;
     if let Some(page) = page {
         let both = a.len().min(b.len());
         let paths = [&arguments.a, &arguments.b];
         let short = paths.map(|path| path.file_name().unwrap_or_default().to_string_lossy());
         let are_alike = short[0] == short[1];
         let names = if are_alike { paths.map(|path| path.to_string_lossy()) } else { short };
-        let pair =
-            Pair { names: [&names[0], &names[1]], samples: [&a[..both], &b[..both]], unit: &unit, rate_hz };
+        let (names, samples) = ([&*names[0], &*names[1]], [&a[..both], &b[..both]]);
+        let pair = Pair { names, samples, unit: &unit, rate_hz, simulated };
         let shown = measures.shown().into_iter().map(|(name, value)| (name.trim().to_owned(), value));
-        measures.page = Some(page.write(pair.page(measures.simulated, &shown.collect::<Vec<_>>()))?);
+        measures.page = Some(page.write(pair.page(&shown.collect::<Vec<_>>()))?);
     }
     show(&measures, arguments.json)
 }

@@ -48,6 +48,19 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
     assert!(!page.contains("NaN") && !page.contains("src=\"http"));
 }
 
+#[test]
+fn a_pair_marks_the_simulated_one_and_a_unit_that_is_not_known_is_not_called_another() {
+    let (mut surface, report) = learned("felt", 1.2);
+    let marks = |page: &str| {
+        let note = |name: &str| page.contains(&format!("<b>{name}</b> <span class=\"note\">simulated"));
+        [note("recorded"), note("synthesised"), page.contains("Vibration (m/s²)")]
+    };
+    assert_eq!(marks(&page(&surface, &report)), [true, false, true]);
+    surface.provenance.origin = Origin::Measured;
+    surface.provenance.settings.insert(format!("recording 1 {VIBRATION_UNIT}"), "not known".to_owned());
+    assert_eq!(marks(&page(&surface, &report)), [false, false, false]);
+}
+
 /// Pairs of sharp resonances. The mean of the coefficients of two of them is unstable.
 fn resonances() -> [ArmaModel; 3] {
     let resonance = |angles: [f64; 2]| {
