@@ -5,7 +5,8 @@
 //! cargo run --release --example learn_surfaces -- graphs/surfaces
 //! ```
 
-use haptograph::learning::learn::{LearnSettings, learn};
+use haptograph::learning::learn::law::LawSettings;
+use haptograph::learning::learn::{LearnSettings, TextureMethod, learn};
 use haptograph::learning::recording::Gesture;
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{SimulatedTake, record};
@@ -47,8 +48,11 @@ pub fn learned(material: MaterialName, name: &str) -> Result<Surface, Box<dyn Er
         let session = SimulatedTake { material, gesture, person: 1, seconds, seed: 1 };
         record(&session, &Arc::default(), &mut |_| ())
     };
+    // Clips of each would be four times the rest of its file.
+    let texture = TextureMethod::Law(LawSettings { clips: false, ..LawSettings::default() });
+    let settings = LearnSettings { texture, ..LearnSettings::default() };
     let recordings = gestures.into_iter().map(take).collect::<Result<Vec<_>, _>>()?;
-    let (mut surface, _) = learn(name, &recordings, &LearnSettings::default(), &|_| ())?;
+    let (mut surface, _) = learn(name, &recordings, &settings, &|_| ())?;
     surface.taps = surface.taps.map(|taps| taps.resampled(TAP_RATE_HZ)).transpose()?;
     surface.provenance = surface.provenance.with_setting("taps.rate_hz", TAP_RATE_HZ);
     Ok(surface)

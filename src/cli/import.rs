@@ -2,7 +2,7 @@
 
 use crate::engine::settings::closest;
 use crate::learning::recording::{ImportSettings, QUANTITIES};
-use crate::surfaces::provenance::{TOUCH, check_touch};
+use crate::surfaces::provenance::{LICENCE, TOUCH, check_touch};
 use std::ops::RangeInclusive;
 
 /// Flags for reading the tables of other data loggers.
@@ -50,6 +50,9 @@ pub(super) struct Touch {
     /// A tool or the bare finger
     #[arg(long, value_name = "tool|finger", value_parser = |text: &str| touch("touched_with", text))]
     touched_with: Option<String>,
+    /// Licence under which others may have the recording, such as CC-BY-4.0; its surface contains clips of it
+    #[arg(long, value_name = "TEXT", value_parser = |text: &str| touch(LICENCE, text))]
+    licence: Option<String>,
 }
 
 fn touch(name: &str, text: &str) -> Result<String, String> {
@@ -59,7 +62,7 @@ fn touch(name: &str, text: &str) -> Result<String, String> {
 impl Touch {
     /// The same import settings with these facts.
     pub(super) fn added_to(&self, mut settings: ImportSettings) -> ImportSettings {
-        let stated = [&self.tip_diameter, &self.grip, &self.touched_with];
+        let stated = [&self.tip_diameter, &self.grip, &self.touched_with, &self.licence];
         for (name, value) in TOUCH.into_iter().zip(stated) {
             settings.touch.extend(value.clone().map(|value| (name.to_owned(), value)));
         }

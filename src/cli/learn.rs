@@ -129,6 +129,9 @@ pub(super) struct Settings {
     /// Keep outlier models (thesis's method)
     #[arg(long)]
     keep_outliers: bool,
+    /// Keep no clips of the recording: noise whose level fluctuates as recorded is the excitation
+    #[arg(long)]
+    no_clips: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -195,7 +198,8 @@ impl Settings {
         match self.method {
             Method::Law => {
                 let usual = LawSettings::default();
-                TextureMethod::Law(LawSettings { order: self.order.unwrap_or(usual.order), ..usual })
+                let order = self.order.unwrap_or(usual.order);
+                TextureMethod::Law(LawSettings { order, clips: !self.no_clips, ..usual })
             }
             Method::Thesis => TextureMethod::Thesis(self.thesis()),
         }

@@ -14,6 +14,7 @@ use crate::engine::registry::Registry;
 pub(super) use crate::surfaces::files::check_extension;
 use crate::surfaces::{Surface, TextureModel, files};
 use clap::Subcommand;
+pub(super) use show::clips_of;
 use std::path::{Path, PathBuf};
 
 /// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces

@@ -8,11 +8,13 @@
 //! white noise ─► layers of the excitation ─► level and filter of the map ─► layers of the output ─► vibration
 //! ```
 
+pub mod clips;
 pub mod grain;
 pub mod lines;
 mod spectrum;
 mod voices;
 
+pub use clips::Clips;
 pub use grain::Grain;
 pub use lines::SpatialLine;
 pub(crate) use spectrum::{SpectrumBank, SpectrumVoice};
@@ -29,7 +31,7 @@ use std::fmt::{self, Debug, Display};
 use std::sync::Arc;
 
 /// All layers, in the order of their components in a frame of coefficients.
-pub const LAYERS: &[LayerKind] = &[grain::KIND, lines::KIND];
+pub const LAYERS: &[LayerKind] = &[clips::KIND, grain::KIND, lines::KIND];
 
 /// The type of a layer.
 #[derive(Debug, Clone, Copy)]
@@ -102,8 +104,8 @@ pub trait Layer: Any + Debug + Send + Sync {
     /// The parameters as JSON.
     fn json(&self) -> Value;
 
-    /// The parameters in a sentence.
-    fn summary(&self) -> String;
+    /// The parameters in a sentence, for models of this rate.
+    fn summary(&self, rate_hz: f64) -> String;
 }
 
 /// Rates of a voice, Hz.
@@ -161,7 +163,7 @@ pub trait LayerSet {
 pub(crate) enum BuiltIn {}
 
 impl LayerSet for BuiltIn {
-    const KINDS: &'static [LayerKind] = &[grain::KIND, lines::KIND, grain::CRACKLE];
+    const KINDS: &'static [LayerKind] = &[clips::KIND, grain::KIND, lines::KIND, grain::CRACKLE];
 }
 
 /// Parses a field's value, of which `layer` makes the layer.

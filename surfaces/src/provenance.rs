@@ -9,8 +9,11 @@ pub const VIBRATION_UNIT: &str = "vibration unit";
 pub const HIGHEST_HZ: &str = "highest frequency, Hz";
 
 /// Settings of a recording that state what touched the surface: the diameter of the tool's tip, mm; the grip of the hand;
-/// `tool` or `finger`.
-pub const TOUCH: [&str; 3] = ["tip_diameter_mm", "grip", "touched_with"];
+/// `tool` or `finger`; and the licence under which others may have the recording.
+pub const TOUCH: [&str; 4] = ["tip_diameter_mm", "grip", "touched_with", LICENCE];
+
+/// The setting by which the holder of a recording's rights allows others to have it, such as `CC-BY-4.0`.
+pub const LICENCE: &str = "licence";
 
 /// Checks a setting of [`TOUCH`].
 ///

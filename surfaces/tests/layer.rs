@@ -86,7 +86,7 @@ impl Layer for Hum {
         json!(self.period)
     }
 
-    fn summary(&self) -> String {
+    fn summary(&self, _: f64) -> String {
         format!("a hum of {} samples", self.period)
     }
 }
@@ -152,7 +152,7 @@ impl Layer for Gaps {
         json!(self.every)
     }
 
-    fn summary(&self) -> String {
+    fn summary(&self, _: f64) -> String {
         format!("gaps every {} samples", self.every)
     }
 }
@@ -239,7 +239,7 @@ fn layers_are_interpolated_and_resampled() {
     let slow = resample(&texture, 2500.0, Method::Spectral).unwrap().texture;
     assert_eq!(slow.layer::<Hum>().map(|hum| hum.period), Some(10.0));
     assert_eq!(slow.layer::<Gaps>(), texture.layer());
-    let summaries: Vec<_> = texture.layers().map(|layer| layer.summary()).collect();
+    let summaries: Vec<_> = texture.layers().map(|layer| layer.summary(0.0)).collect();
     assert_eq!(summaries, ["gaps every 7 samples", "a hum of 40 samples"]);
 }
 
@@ -293,8 +293,8 @@ impl Layer for NamedAsLines {
         self.0.json()
     }
 
-    fn summary(&self) -> String {
-        self.0.summary()
+    fn summary(&self, rate_hz: f64) -> String {
+        self.0.summary(rate_hz)
     }
 }
 

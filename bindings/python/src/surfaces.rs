@@ -45,6 +45,8 @@ pub(crate) struct Learning {
     rate: Option<f64>,
     #[pyo3(item)]
     accept_rate: bool,
+    #[pyo3(item)]
+    clips: bool,
 }
 
 impl Learning {
@@ -53,7 +55,7 @@ impl Learning {
             "law" => {
                 let usual = LawSettings::default();
                 let order = self.order.unwrap_or(usual.order);
-                TextureMethod::Law(LawSettings { order, ..usual })
+                TextureMethod::Law(LawSettings { order, clips: self.clips, ..usual })
             }
             "thesis" => {
                 TextureMethod::Thesis(TextureSettings { order: self.order, ..TextureSettings::default() })

@@ -8,6 +8,7 @@
 use super::whitening::Whitened;
 use crate::metrics::level::excess_kurtosis;
 use crate::recording::ProcessedRecording;
+use haptograph_signal::filter::Sections;
 use haptograph_signal::noise::Gaussian;
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::statistics::{mean, median, standard_deviation};
@@ -50,37 +51,59 @@ const BELOW: [f64; POINTS] = [
 ];
 const OCTAVES: usize = OCTAVES_HZ.len();
 
-/// The grain of whitened recordings; `None` if they do not exceed Gaussian noise of the same spectrum, are shorter than 0.5 s,
-/// or have a rate below 1 kHz.
-pub(super) fn find_grain(
-    recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
-    texture: &TextureModel,
-) -> Option<Grain> {
+/// The law at the middle speed and force of a recording.
+pub(super) struct Middle {
+    filter: Coefficients,
+    warping: f64,
+    pub(super) rate_hz: f64,
+    highpass: Option<Sections>,
+}
+
+impl Middle {
+    pub(super) fn of(
+        recordings: &[ProcessedRecording],
+        whitened: &[Whitened],
+        texture: &TextureModel,
+    ) -> Self {
+        let middle = |of: fn(&ProcessedRecording) -> &[f64]| {
+            let values = recordings.iter().zip(whitened).flat_map(|(recording, whitened)| {
+                let both = of(recording).iter().zip(&whitened.dragged).step_by(64);
+                both.filter(|(_, dragged)| **dragged).map(|(value, _)| *value)
+            });
+            median(&values.collect::<Vec<f64>>())
+        };
+        let speed_m_s = middle(|recording| &recording.signals().speed_m_s);
+        let force_n = middle(|recording| &recording.signals().force_normal_n);
+        let mut filter = Coefficients::SILENCE;
+        Interpolator::new(texture).interpolate(speed_m_s, force_n, &mut filter);
+        Self {
+            filter,
+            warping: texture.warping(),
+            rate_hz: texture.rate_hz(),
+            highpass: texture.output_highpass(),
+        }
+    }
+
+    /// The responses of its filter, without and with the high-pass.
+    pub(super) fn response(&self, frequency_hz: f64) -> [Complex64; 2] {
+        let delay = Complex64::cis(-unwarp(TAU * frequency_hz / self.rate_hz, -self.warping));
+        let ar = self.filter.ar().iter().rev();
+        let law = 1.0 / (ar.fold(Complex64::default(), |sum, a| (sum + a) * delay) + 1.0);
+        let highpass = self.highpass.as_ref();
+        [law, highpass.map_or(law, |high| law * high.response(frequency_hz, self.rate_hz))]
+    }
+}
+
+/// Whitened recordings that vary more than Gaussian noise of the same spectrum; `None` if they do not, are shorter than 0.5 s, or
+/// have a rate below 1 kHz.
+pub(super) fn grained(whitened: &[Whitened], middle: &Middle) -> Option<Fit> {
     let samples: Vec<f64> = whitened.iter().flat_map(Whitened::dragged_samples).collect();
-    let middle = |of: fn(&ProcessedRecording) -> &[f64]| {
-        let values = recordings.iter().zip(whitened).flat_map(|(recording, whitened)| {
-            let both = of(recording).iter().zip(&whitened.dragged).step_by(64);
-            both.filter(|(_, dragged)| **dragged).map(|(value, _)| *value)
-        });
-        median(&values.collect::<Vec<f64>>())
-    };
-    let speed_m_s = middle(|recording| &recording.signals().speed_m_s);
-    let force_n = middle(|recording| &recording.signals().force_normal_n);
-    let mut filter = Coefficients::SILENCE;
-    Interpolator::new(texture).interpolate(speed_m_s, force_n, &mut filter);
-    let highpass = texture.output_highpass();
-    Fit::new(&samples, texture.rate_hz(), |frequency_hz| {
-        let delay = Complex64::cis(-unwarp(TAU * frequency_hz / texture.rate_hz(), -texture.warping()));
-        let law =
-            1.0 / (filter.ar().iter().rev().fold(Complex64::default(), |sum, a| (sum + a) * delay) + 1.0);
-        [law, highpass.as_ref().map_or(law, |high| law * high.response(frequency_hz, texture.rate_hz()))]
-    })?
-    .grain()
+    let fit = Fit::new(&samples, middle.rate_hz, |frequency_hz| middle.response(frequency_hz))?;
+    fit.is_grained().then_some(fit)
 }
 
 /// A recording to which grain is fitted, and what renders it.
-struct Fit {
+pub(super) struct Fit {
     rate_hz: f64,
     /// Stretches of the recording as it is whitened, and after the law's filter.
     whitened: Vec<Vec<f64>>,
@@ -112,7 +135,7 @@ impl Fit {
         let count = samples.len().div_ceil(whole).min(MAX_STRETCHES);
         let stretches = (0..count).map(|k| {
             let start = k * (samples.len() - whole) / (count - 1).max(1);
-            let level = without_slow_level(&samples[start..start + whole], (WINDOW_S * rate_hz) as usize);
+            let level = without_slow_level(&samples[start..start + whole], rate_hz);
             let mut spectrum: Vec<Complex64> = level.into_iter().map(|e| Complex64::new(e, 0.0)).collect();
             forward.process(&mut spectrum);
             let [e, y] = [&all, &law].map(|by| {
@@ -127,10 +150,12 @@ impl Fit {
         Some(Self { rate_hz: fit_hz, whitened, recorded, response, transforms })
     }
 
-    fn grain(&self) -> Option<Grain> {
-        if ![&self.whitened, &self.recorded].into_iter().any(|of| self.exceeds_surrogates(of)) {
-            return None;
-        }
+    fn is_grained(&self) -> bool {
+        [&self.whitened, &self.recorded].into_iter().any(|of| self.exceeds_surrogates(of))
+    }
+
+    /// The grain that is nearest.
+    pub(super) fn grain(&self) -> Option<Grain> {
         let recorded = means(self.recorded.iter().map(|y| measured(y, self.rate_hz)));
         let mut shares = [1.0 / OCTAVES as f64; OCTAVES];
         let mut curve_db: [f64; POINTS] = std::array::from_fn(|point| recorded[OCTAVES + point]);
@@ -216,7 +241,8 @@ fn energies(samples: &[f64], window: usize) -> impl Iterator<Item = f64> + '_ {
 }
 
 /// Divides by the level that is left of the map's errors: the mean logarithm of the energies over a quarter of a second.
-fn without_slow_level(samples: &[f64], window: usize) -> Vec<f64> {
+fn without_slow_level(samples: &[f64], rate_hz: f64) -> Vec<f64> {
+    let window = ((WINDOW_S * rate_hz) as usize).max(1);
     let reach = (3.0 * SLOW) as usize;
     let logs: Vec<f64> = energies(samples, window).map(f64::ln).collect();
     let weights: Vec<f64> = (0..=reach).map(|apart| (-0.5 * (apart as f64 / SLOW).powi(2)).exp()).collect();
@@ -427,6 +453,7 @@ mod tests {
         let mut sums = [[0.0; 3]; 3];
         for (making, of) in makings {
             let (recording, take) = (fit(&of(1)).expect("long enough"), fit(&of(2)).expect("long enough"));
+            assert!(recording.is_grained(), "{making}");
             let grain = recording.grain().expect("it has grain");
             let rows = [Some(grain), Some(best_crackle(&recording)), None].map(|grain| errors(&take, grain));
             println!(
@@ -448,21 +475,21 @@ mod tests {
 
     #[test]
     fn gaussian_noise_has_no_grain_whatever_its_spectrum() {
-        let found = (0..20).filter(|seed| fit(&misfit(*seed, 10.0)).expect("long enough").grain().is_some());
+        let found = (0..20).filter(|seed| fit(&misfit(*seed, 10.0)).expect("long enough").is_grained());
         assert_eq!(found.count(), 0);
     }
 
     #[test]
     fn a_little_grain_is_found_in_ten_seconds() {
         let found =
-            (0..5).filter(|seed| fit(&log_normal(0.4, 0.004, *seed)).expect("long enough").grain().is_some());
+            (0..5).filter(|seed| fit(&log_normal(0.4, 0.004, *seed)).expect("long enough").is_grained());
         assert_eq!(found.count(), 5);
     }
 
     #[test]
     fn too_little_tells_nothing() {
         assert!(fit(&shots(1)[..4_000]).is_none() && fit(&[]).is_none());
-        assert!(fit(&shots(1)[..10_000]).expect("long enough").grain().is_some());
+        assert!(fit(&shots(1)[..10_000]).expect("long enough").is_grained());
         assert!(Fit::new(&shots(1), 500.0, response).is_none());
     }
 }

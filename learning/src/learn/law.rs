@@ -32,6 +32,8 @@ pub struct LawSettings {
     pub min_speed_m_s: f64,
     /// Windows with a lower median force are ignored, N.
     pub min_force_n: f64,
+    /// Keeps clips of a recording of which 4 s or more can be used; else its grain alone.
+    pub clips: bool,
 }
 
 impl Default for LawSettings {
@@ -43,6 +45,7 @@ impl Default for LawSettings {
             highpass_hz: Some(20.0),
             min_speed_m_s: 0.005,
             min_force_n: 0.05,
+            clips: true,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The methods of learning a texture.
 
-use super::grain::find_grain;
+use super::clips::find_clips;
+use super::grain::{Middle, grained};
 use super::law::{LawSettings, fit_law};
 use super::lines::{find_lines, with_lines, without_lines};
 use super::texture::{LearnTextureError, TextureReport, TextureSettings, learn_texture};
@@ -11,7 +12,7 @@ use haptograph_surfaces::TextureModel;
 /// A method of learning a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TextureMethod {
-    /// A law over speed and force on a warped frequency axis, with grain and lines fixed in space.
+    /// A law over speed and force on a warped frequency axis, with clips or grain and lines fixed in space.
     Law(LawSettings),
     /// The thesis's method: one model for each segment, triangulated: [`learn_texture`].
     Thesis(TextureSettings),
@@ -53,7 +54,7 @@ impl TextureMethod {
     }
 }
 
-/// Learns the law, then lines, which are removed before the law is fitted again, then grain.
+/// Learns the law, then lines, which are removed before the law is fitted again, then clips or grain.
 fn learn_with_structure(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
@@ -76,10 +77,15 @@ fn learn_with_structure(
     }
     let texture = fitted.corrected().texture()?;
     let noise = without.as_deref().unwrap_or(recordings);
-    let grain = find_grain(noise, &whiten(noise, &texture), &texture);
+    let whitened = whiten(noise, &texture);
+    let middle = Middle::of(noise, &whitened, &texture);
+    let grained = grained(&whitened, &middle);
+    let clips = grained.as_ref().filter(|_| settings.clips);
+    let clips = clips.and_then(|_| find_clips(noise, &whitened, &texture, &middle));
+    let grain = grained.filter(|_| clips.is_none()).and_then(|fit| fit.grain());
     let texture = with_lines(texture, &lines)?;
     progress(1.0);
-    Ok((texture.with_grain(grain), report))
+    Ok((texture.with_clips(clips).with_grain(grain), report))
 }
 
 #[cfg(test)]
@@ -147,34 +153,43 @@ mod tests {
     }
 
     #[test]
-    fn learned_grain_brings_held_out_spikes_closer_and_leaves_the_spectrum() {
+    fn learned_clips_and_grain_bring_held_out_spikes_closer_and_leave_the_spectrum() {
         let truth = learn_law(&[gaussian(1)], &settings(), &|_| ()).expect("a law").0;
         let truth = truth.with_grain(Some(Grain::of_crackle(0.9, 0.008).expect("in range")));
         let path = gaussian(2).trajectory();
-        let (texture, _) =
-            learn_with_structure(&[played(&truth, &path, 3)], &settings(), &|_| ()).expect("a texture");
-        assert!(texture.grain().is_some());
         let play = |texture: &TextureModel, seeds: std::ops::Range<u64>| -> Vec<_> {
             seeds.map(|seed| played(texture, &path, seed)).collect()
         };
         let held_out = spikiness(&play(&truth, 100..108));
-        let (with, without) = (play(&texture, 200..216), play(&texture.clone().with_grain(None), 200..216));
-        let (grained, plain) = (spikiness(&with), spikiness(&without));
-        for ((with, without), truth) in grained.iter().zip(plain).zip(held_out) {
-            let (with, without) = ((with - truth).abs(), (without - truth).abs());
-            assert!(with < 0.6 * without, "{grained:?} instead of {plain:?} for {held_out:?}");
-        }
-        for (with, without) in powers(&with).iter().zip(powers(&without)) {
-            let off = 10.0 * (with / without).log10();
-            assert!(off.abs() < 0.3, "{off} dB");
+        for clips in [true, false] {
+            let settings = LawSettings { clips, ..settings() };
+            let (texture, _) =
+                learn_with_structure(&[played(&truth, &path, 3)], &settings, &|_| ()).expect("a texture");
+            assert_eq!((texture.clips().is_some(), texture.grain().is_some()), (clips, !clips));
+            let bare = texture.clone().with_grain(None).with_clips(None);
+            let (with, without) = (play(&texture, 200..216), play(&bare, 200..216));
+            let (own, plain) = (spikiness(&with), spikiness(&without));
+            for ((with, without), truth) in own.iter().zip(plain).zip(held_out) {
+                let (with, without) = ((with - truth).abs(), (without - truth).abs());
+                assert!(with < 0.6 * without, "{own:?} instead of {plain:?} for {held_out:?}");
+            }
+            for (with, without) in powers(&with).iter().zip(powers(&without)) {
+                let off = 10.0 * (with / without).log10();
+                assert!(off.abs() < 0.3, "{off} dB");
+            }
         }
     }
 
+    /// True if it has another excitation than noise.
+    fn is_excited(texture: &TextureModel) -> bool {
+        texture.grain().is_some() || texture.clips().is_some()
+    }
+
     #[test]
-    fn gaussian_recordings_are_learned_without_grain() {
+    fn gaussian_recordings_are_learned_without_clips_or_grain() {
         let found = (0..3).filter(|seed| {
             let learned = learn_with_structure(&[gaussian(*seed)], &settings(), &|_| ());
-            learned.expect("a texture").0.grain().is_some()
+            is_excited(&learned.expect("a texture").0)
         });
         assert!(found.count() <= 1);
     }
@@ -182,15 +197,15 @@ mod tests {
     #[test]
     #[ignore = "twenty seeds, to be read and not only passed"]
     #[expect(clippy::print_stdout, reason = "it is there to be read")]
-    fn of_twenty_gaussian_recordings_nineteen_are_learned_without_grain() {
+    fn of_twenty_gaussian_recordings_nineteen_are_learned_without_clips_or_grain() {
         let found = (0..20).filter(|seed| {
             let started = std::time::Instant::now();
             let recording = [gaussian(100 + *seed)];
             let made_s = started.elapsed().as_secs_f64();
             let (texture, _) = learn_with_structure(&recording, &settings(), &|_| ()).expect("a texture");
             let learned_s = started.elapsed().as_secs_f64() - made_s;
-            println!("seed {seed}: {:?}, learned in {learned_s:.3} s", texture.grain());
-            texture.grain().is_some()
+            println!("seed {seed}: {}, learned in {learned_s:.3} s", is_excited(&texture));
+            is_excited(&texture)
         });
         let found = found.count();
         println!("{found} of 20");

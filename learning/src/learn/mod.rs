@@ -1,16 +1,17 @@
 //! Learns a surface from recordings (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
-//! recordings ──► processing ─┬► windows ──► law, lines, grain ┐
-//!                            └► segmentation ──► texture ┤   (the thesis's)
-//!      circle or drag ──► friction ───────────────────────┤
-//!                 tap ──► taps ───────────────────────────┼──► Surface
-//!               press ──► stiffness ──────────────────────┘
+//! recordings ──► processing ─┬► windows ──► law, lines, clips or grain ──┐
+//!                            └► segmentation ──► texture ────────────────┤   (the thesis's)
+//!      circle or drag ──► friction ──────────────────────────────────────┤
+//!                 tap ──► taps ──────────────────────────────────────────┼──► Surface
+//!               press ──► stiffness ─────────────────────────────────────┘
 //! ```
 //!
 //! [`learn`] runs all of it. The result depends only on recordings and settings, to the bit.
 
 pub(crate) mod cells;
+mod clips;
 mod correction;
 mod coverage;
 pub mod friction;

@@ -439,6 +439,9 @@ fn describe_law(law: &LawSettings, note: NoteSetting<'_>) {
     note("texture.span_ms", (law.span_s * 1000.0).to_string());
     note("texture.min_speed_mm_s", (law.min_speed_m_s * 1000.0).to_string());
     note("texture.min_force_n", law.min_force_n.to_string());
+    if law.clips {
+        note("texture.clips", "kept".to_owned());
+    }
 }
 
 fn describe_thesis(texture: &TextureSettings, note: NoteSetting<'_>) {

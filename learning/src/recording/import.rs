@@ -6,7 +6,8 @@ mod repair;
 
 pub(super) use even::{Timing, resampled, timing};
 pub use offset::remove_offset;
-pub(super) use repair::{clipped, interpolate_missing, remove_outliers};
+pub(crate) use repair::clipped;
+pub(super) use repair::{interpolate_missing, remove_outliers};
 
 pub(super) use haptograph_surfaces::bounds::shown;
 

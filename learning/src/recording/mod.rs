@@ -24,6 +24,7 @@ pub use file::{
     LoadError, Sweep, contents, file_names, load, load_column, load_signal, load_sweep, load_with, save,
 };
 pub use hatt::{read_hatt, write_hatt};
+pub(crate) use import::clipped;
 pub use import::{BadCell, Finding, ImportSettings, remove_offset};
 #[cfg(target_family = "wasm")]
 pub use no_archive::{read_archive, write_archive};

@@ -1,5 +1,6 @@
 //! The result of `learn` as text and JSON.
 
+use super::super::surface::clips_of;
 use super::super::table::significant;
 use crate::learning::learn::LearningReport;
 use crate::learning::learn::coverage as covered;
@@ -60,6 +61,7 @@ pub(super) fn facts_of(
         found.push(("texture", describe_texture(texture, report)));
         let coverage = covered(&report.segments, texture.rate_hz());
         found.push(("coverage", verdict(&coverage, is_implausible)));
+        found.extend(clips_of(surface).map(|clips| ("clips", clips)));
     }
     if let Some(friction) = surface.friction {
         let mu = significant(friction.mu(), 3);

@@ -4,7 +4,8 @@ use super::{Failure, load};
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{facts, significant, table};
 use crate::signal::units::decimal::format_thousandfold;
-use crate::surfaces::layers::LAYERS;
+use crate::surfaces::layers::{LAYERS, Layer};
+use crate::surfaces::provenance::LICENCE;
 use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
@@ -118,10 +119,11 @@ impl CommandResult for Shown {
             ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
             ("texture", texture.map_or_else(none, describe_texture)),
         ];
+        let clips = clips_of(surface).map(|clips| ("clips", clips));
         let band = surface.provenance.highest_hz();
         let band =
             band.map(|hz| ("recorded", format!("up to {hz} Hz, at the lowest rate of its drags and taps")));
-        let parts: Vec<_> = parts.into_iter().chain(band).collect();
+        let parts: Vec<_> = parts.into_iter().chain(clips).chain(band).collect();
         let mut text = format!("{name}\n\n{}", facts(&parts));
         if let Some(texture) = texture {
             text += &format!("\n{}", models(texture));
@@ -133,6 +135,21 @@ impl CommandResult for Shown {
         }
         text
     }
+}
+
+/// The clips of a surface, and whether others may have them.
+pub(in crate::cli) fn clips_of(surface: &Surface) -> Option<String> {
+    let texture = surface.texture.as_ref()?;
+    let clips = texture.clips()?.summary(texture.rate_hz());
+    let origin = surface.provenance.origin.as_str();
+    let licence = match surface.provenance.settings.get(LICENCE) {
+        Some(licence) => format!("licence: {licence}"),
+        None if surface.has_unlicensed_clips() => {
+            "no licence stated (--licence), so that no site can contain them".to_owned()
+        }
+        None => "no licence needed".to_owned(),
+    };
+    Some(format!("{clips} ({origin}); {licence}"))
 }
 
 fn describe_taps(taps: &Taps) -> String {
@@ -162,7 +179,8 @@ fn describe_texture(texture: &TextureModel) -> String {
         0.0 => order,
         warping => format!("warped {order} (factor {})", significant(warping, 3)),
     };
-    let layers: String = texture.layers().map(|layer| format!("; {}", layer.summary())).collect();
+    let layers: String =
+        texture.layers().map(|layer| format!("; {}", layer.summary(texture.rate_hz()))).collect();
     format!(
         "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{layers}",
         texture.models().len(),

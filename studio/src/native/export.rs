@@ -9,6 +9,7 @@ use crate::page;
 use crate::stage::Stage;
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files;
+use haptograph_surfaces::files::load;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
@@ -200,7 +201,13 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
     let named = graph.nodes().iter().flat_map(|node| node.files.clone());
     let surfaces = describe::surface_files(stage.source.folder());
     let files = sources.chain(named).chain(surfaces);
-    let files = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;
+    let files: BTreeSet<PathBuf> = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;
+    if let Some(path) = files.iter().find(|path| has_unlicensed_clips(path)) {
+        return Err(other(format!(
+            "{} contains clips of a recording without a licence, which a site would give to everybody: learn it again with --licence or --no-clips, or move it out of the folder of the graph",
+            path.display()
+        )));
+    }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(SiteGraph {
         name,
@@ -210,6 +217,12 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
         set: set.to_vec(),
         files,
     })
+}
+
+/// True if a file is a surface that must not be given to others.
+fn has_unlicensed_clips(path: &Path) -> bool {
+    let is_surface = path.extension().is_some_and(|ending| ending == "ron");
+    is_surface && load(path).is_ok_and(|surface| surface.has_unlicensed_clips())
 }
 
 /// An absolute path without `.` and `..`.

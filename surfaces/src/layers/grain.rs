@@ -203,7 +203,7 @@ impl Layer for Grain {
         json!({ "octave_shares": self.octave_shares, "gain_db": self.gain_db })
     }
 
-    fn summary(&self) -> String {
+    fn summary(&self, _: f64) -> String {
         let curve = self.curve();
         let [mean, square] = [1, 2].map(|power| curve.mean(|gain| decibels(gain).powi(power)));
         let deviation_db = (square - mean * mean).max(0.0).sqrt();

@@ -194,7 +194,7 @@ impl Layer for Lines {
         lines.collect()
     }
 
-    fn summary(&self) -> String {
+    fn summary(&self, _: f64) -> String {
         let lines = self.0.iter().map(|line| significant(line.cycles_per_m / 1000.0, 3));
         format!("lines of {} cycles/mm", lines.collect::<Vec<_>>().join(" and "))
     }

@@ -28,6 +28,7 @@ def learn(
     rate: float | None = None,
     progress: Callable[[float], object] | None = None,
     accept_rate: bool = False,
+    clips: bool = True,
 ) -> Surface:
     """Learn a surface from recordings of one material.
 
@@ -52,6 +53,9 @@ def learn(
     accept_rate : bool
         Learn from drags and taps below 500 Hz too, in which little of what a hand feels is left. Below 2300 Hz a
         warning names the highest frequency.
+    clips : bool
+        Keep up to 20 s of the recording, whitened, as the excitation (``"law"``, from 4 s on). They are a copy of the
+        recording, to which its licence applies. False: noise whose level fluctuates as recorded.
 
     Returns
     -------
@@ -67,6 +71,7 @@ def learn(
         "order": None if order is None else whole("order", order, 1, 1000),
         "rate": None if rate is None else number("rate", rate, 0, above=True),
         "accept_rate": bool(accept_rate),
+        "clips": bool(clips),
     }
     native = _native.learn(string("name", name), [one._inner for one in given], settings, progress)
     if native.narrow_band:

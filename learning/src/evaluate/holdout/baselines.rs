@@ -45,7 +45,7 @@ pub(super) enum Plain {
         planes: Vec<Vector3<f64>>,
     },
     /// Clips of the recording.
-    Clips {
+    Granular {
         /// Mean logarithms of speed and force, and samples, of clips of one length.
         clips: Vec<([f64; 2], Vec<f64>)>,
         /// Samples of a fade.
@@ -132,13 +132,13 @@ impl Plain {
     }
 
     /// Clips of 0.3 s and a fade, or as long as the longest part; they begin every 0.15 s. `None` without samples.
-    pub(super) fn clips(parts: &[ProcessedRecording]) -> Option<Self> {
+    pub(super) fn granular(parts: &[ProcessedRecording]) -> Option<Self> {
         let length = longest(parts).min((CLIP_S * rate_hz(parts)) as usize);
         let fade = ((length as f64 * FADE_S / CLIP_S) as usize).max(1);
         let clips: Vec<_> = stretches(parts, length, length.saturating_sub(fade) / 2)
             .map(|(place, clip)| (place, clip.to_vec()))
             .collect();
-        (length > fade && !clips.is_empty()).then_some(Self::Clips { clips, fade })
+        (length > fade && !clips.is_empty()).then_some(Self::Granular { clips, fade })
     }
 
     /// The vibration along a trajectory.
@@ -151,7 +151,7 @@ impl Plain {
                 filter.clone().process(&noise, &mut y);
             }
             Self::Phases { frame, planes } => with_phases(*frame, planes, along, seed, &mut y),
-            Self::Clips { clips, fade } => clip_by_clip(clips, *fade, along, seed, &mut y),
+            Self::Granular { clips, fade } => clip_by_clip(clips, *fade, along, seed, &mut y),
         }
         y
     }
@@ -233,7 +233,7 @@ mod tests {
     }
 
     fn all(parts: &[ProcessedRecording]) -> [Plain; 3] {
-        [Plain::warped(parts), Plain::phases(parts), Plain::clips(parts)]
+        [Plain::warped(parts), Plain::phases(parts), Plain::granular(parts)]
             .map(|plain| plain.expect("it is long enough"))
     }
 
@@ -281,6 +281,8 @@ mod tests {
             let played = plain.play(&parts[0].trajectory(), 1);
             assert!(played.len() == parts[0].samples() && power(&played) > 0.0);
         }
-        assert!(Plain::warped(&[]).is_none() && Plain::phases(&[]).is_none() && Plain::clips(&[]).is_none());
+        assert!(
+            Plain::warped(&[]).is_none() && Plain::phases(&[]).is_none() && Plain::granular(&[]).is_none()
+        );
     }
 }

@@ -34,13 +34,13 @@ pub enum Method {
     OneWarped,
     /// Short-time spectra with random phases; the level of each bin is a plane over the logarithms of speed and force.
     Phases,
-    /// Granular: clips of 0.3 s of the part, drawn from the three nearest in force and speed, and cross-faded.
-    Clips,
+    /// Clips of 0.3 s of the part, drawn from the three nearest in force and speed, and cross-faded.
+    Granular,
 }
 
 /// The plain baselines.
 pub const BASELINES: [Method; 5] =
-    [Method::OneModel, Method::Windows, Method::OneWarped, Method::Phases, Method::Clips];
+    [Method::OneModel, Method::Windows, Method::OneWarped, Method::Phases, Method::Granular];
 
 impl Method {
     /// All methods, the floor first.
@@ -52,7 +52,7 @@ impl Method {
         Self::Windows,
         Self::OneWarped,
         Self::Phases,
-        Self::Clips,
+        Self::Granular,
     ];
 
     /// Name in files.
@@ -65,7 +65,7 @@ impl Method {
             Self::Windows => "windows",
             Self::OneWarped => "one_warped",
             Self::Phases => "phases",
-            Self::Clips => "clips",
+            Self::Granular => "granular",
         }
     }
 
@@ -79,7 +79,7 @@ impl Method {
             Self::Windows => "plain: windows of 0.2 s, nearest",
             Self::OneWarped => "plain: warped model of order 12",
             Self::Phases => "plain: spectra, random phases",
-            Self::Clips => "plain: clips of 0.3 s, nearest",
+            Self::Granular => "plain: granular, clips of 0.3 s",
         }
     }
 }
@@ -130,7 +130,7 @@ impl Player {
             }
             Method::OneWarped => plain(Plain::warped(parts)),
             Method::Phases => plain(Plain::phases(parts)),
-            Method::Clips => plain(Plain::clips(parts)),
+            Method::Granular => plain(Plain::granular(parts)),
         }
     }
 

@@ -87,7 +87,7 @@ fn a_method_that_knows_the_process_comes_near_the_floor_and_a_plain_one_is_shown
         assert!(mean(law, Measure::Envelope) < 2.0 * mean(law, Measure::EnvelopeFloor));
         assert!(split.estimator_db.1 < split.estimator_db.0);
         // The process is Gaussian noise: so is what is learned, and clips of it are it.
-        for method in [Method::Default, Method::Clips] {
+        for method in [Method::Default, Method::Granular] {
             let over_db = mean(of(method), Measure::Modulation) - mean(floor, Measure::Modulation);
             let [lsd_db, floor_db] = [method, Method::Floor].map(|method| mean(of(method), Measure::SeedLsd));
             let octaves = mean(of(method), Measure::KurtosisRatio);

@@ -50,7 +50,9 @@ fn random_surface(seed: u64) -> Surface {
     let powers: Vec<f64> = texture.models().iter().map(&mut power).collect();
     let line = SpatialLine::new(random.random_range(10.0..5000.0), random.random_range(0.0..100.0), powers);
     let texture = texture.with_lines(vec![line.unwrap()]).unwrap();
-    surface.texture = Some(texture.with_grain(Some(grain)));
+    let recorded: Vec<f64> = (0..500).map(|_| random.random_range(-1.0..1.0)).collect();
+    let clips = crate::layers::Clips::new(&recorded).unwrap();
+    surface.texture = Some(texture.with_grain(Some(grain)).with_clips(Some(clips)));
     surface
 }
 
@@ -169,6 +171,12 @@ fn errors_of_meaning_have_a_line_and_column_too() {
     let (_, message) =
         error(&SQUARE.replace("rate_hz: 1000", "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)"));
     assert!(message.contains("depth -1"), "{message}");
+    for text in ["", "AAA", "AA*A"] {
+        let (place, message) = error(
+            &SQUARE.replace("rate_hz: 1000", &format!("rate_hz: 1000, clips: (mu_law_base64: {text:?})")),
+        );
+        assert!(place.is_some() && message.contains("clips"), "{message}");
+    }
     let line = |powers: &str| {
         let line = format!("(cycles_per_mm: 0.3, diffusion_rad2_per_mm: 0.1, powers_m2_s4: {powers})");
         SQUARE.replace("rate_hz: 1000", &format!("rate_hz: 1000, lines: [{line}]"))

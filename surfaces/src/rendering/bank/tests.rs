@@ -30,8 +30,11 @@ fn textures() -> Vec<TextureModel> {
         texture.with_lines(vec![line]).unwrap()
     };
     let grain = || Some(Grain::of_crackle(0.8, 0.004).unwrap());
+    let mut recorded = vec![0.0; 15_000];
+    haptograph_signal::noise::Gaussian::new(1).fill(&mut recorded);
     vec![
         texture(20, 0.85),
+        with_lines(texture(20, 0.85)).with_clips(crate::layers::Clips::new(&recorded).ok()),
         texture(20, 0.85).with_grain(grain()).with_highpass_hz(Some(20.0)).unwrap(),
         with_lines(texture(7, 0.6)),
         texture(12, 0.0),

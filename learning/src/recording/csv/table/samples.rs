@@ -289,7 +289,7 @@ impl Table {
         {
             self.findings.push(finding);
         }
-        let count = clipped(values);
+        let count = clipped(values).len();
         if count > 0 {
             self.findings.push(Finding::Clipped { quantity: name.to_owned(), count, of: values.len() });
         }

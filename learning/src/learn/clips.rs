@@ -1,0 +1,199 @@
+//! Keeps pieces of the whitened recording that can stand for its noise.
+
+use super::cells::CELLS;
+use super::grain::Middle;
+use super::whitening::Whitened;
+use crate::recording::{ProcessedRecording, clipped};
+use haptograph_signal::warped::unwarp;
+use haptograph_signal::{Complex64, fft};
+use haptograph_surfaces::TextureModel;
+use haptograph_surfaces::layers::clips::{Clips, MAX_SAMPLES};
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+
+/// Least and most that is kept, s.
+const LEAST_S: f64 = 4.0;
+const MOST_S: f64 = 20.0;
+/// Shortest and longest piece, s.
+const SHORTEST_S: f64 = 0.3;
+const LONGEST_S: f64 = 2.0;
+/// Begin and end of a stroke that are left out, s.
+const EDGE_S: f64 = 0.1;
+/// Windows whose power must exceed that at rest by a factor (6 dB), s.
+const FAINT_S: f64 = 0.2;
+const OVER_REST: f64 = 4.0;
+/// Largest amplification of what the high-pass took away: 12 dB.
+const MOST_GAIN: f64 = 4.0;
+
+/// Clips of whitened recordings; `None` if too little of them is neither an edge of a stroke, clipped, nor hidden in the noise of
+/// the sensor.
+pub(super) fn find_clips(
+    recordings: &[ProcessedRecording],
+    whitened: &[Whitened],
+    texture: &TextureModel,
+    middle: &Middle,
+) -> Option<Clips> {
+    let rate_hz = texture.rate_hz();
+    let samples = |seconds: f64| ((seconds * rate_hz) as usize).max(1);
+    let mut pieces: Vec<(&Whitened, Range<usize>)> = vec![];
+    for (recording, whitened) in recordings.iter().zip(whitened) {
+        for run in usable(recording, whitened) {
+            let starts = run.clone().step_by(samples(LONGEST_S));
+            let piece = starts.map(|start| start..run.end.min(start + samples(LONGEST_S)));
+            pieces.extend(
+                piece.filter(|piece| piece.len() >= samples(SHORTEST_S)).map(|piece| (whitened, piece)),
+            );
+        }
+    }
+    let all: usize = pieces.iter().map(|(_, piece)| piece.len()).sum();
+    if all < samples(LEAST_S) {
+        return None;
+    }
+    let most = samples(MOST_S).min(MAX_SAMPLES);
+    let (mut kept, mut seen) = (vec![], 0);
+    for (whitened, piece) in pieces {
+        // As much of the beginning as of the end.
+        let is_due = kept.len() as f64 <= (seen as f64 / all as f64) * most as f64;
+        seen += piece.len();
+        if is_due && kept.len() + piece.len() <= most {
+            let piece = &whitened.samples[piece];
+            let level = level(piece, middle);
+            kept.extend(piece.iter().map(|e| e / level));
+        }
+    }
+    Clips::new(&flattened(&kept, texture.warping())).ok()
+}
+
+/// Runs of samples that are dragged, without the edges of strokes, clipped samples, and windows as faint as the sensor's noise.
+fn usable(recording: &ProcessedRecording, whitened: &Whitened) -> Vec<Range<usize>> {
+    let signals = recording.signals();
+    let samples = |seconds: f64| ((seconds * signals.rate_hz) as usize).max(1);
+    let mut usable = whitened.dragged.clone();
+    let acceleration = &signals.acceleration_m_s2;
+    clipped(acceleration).into_iter().for_each(|sample| usable[sample] = false);
+    let windows = (0..usable.len()).step_by(samples(FAINT_S)).map(|start| {
+        let window = start..usable.len().min(start + samples(FAINT_S));
+        let power = acceleration[window.clone()].iter().map(|a| a * a).sum::<f64>() / window.len() as f64;
+        (window, power)
+    });
+    let windows: Vec<(Range<usize>, f64)> = windows.collect();
+    let is = |wanted: bool, window: &Range<usize>| {
+        whitened.dragged[window.clone()].iter().all(|dragged| *dragged == wanted)
+    };
+    let mut rest: Vec<f64> =
+        windows.iter().filter(|(window, _)| is(false, window)).map(|(_, power)| *power).collect();
+    rest.sort_by(f64::total_cmp);
+    if let Some(rest) = rest.get(rest.len() / 2) {
+        let faint = windows.iter().filter(|(_, power)| *power < OVER_REST * rest);
+        faint.for_each(|(window, _)| usable[window.clone()].fill(false));
+    }
+    let runs = |of: &[bool]| {
+        let mut start = 0;
+        let chunks = of.chunk_by(|a, b| a == b).map(|run| {
+            start += run.len();
+            (run[0], start - run.len()..start)
+        });
+        chunks.filter(|(is, _)| *is).map(|(_, run)| run).collect::<Vec<Range<usize>>>()
+    };
+    for stroke in runs(&whitened.dragged) {
+        let edge = samples(EDGE_S).min(stroke.len());
+        usable[stroke.start..stroke.start + edge].fill(false);
+        usable[stroke.end - edge..stroke.end].fill(false);
+    }
+    runs(&usable)
+}
+
+/// The level that is left of the map's errors in a whitened piece, as the law's filter passes it: what carries little of the
+/// vibration counts little.
+fn level(piece: &[f64], middle: &Middle) -> f64 {
+    let length = piece.len();
+    let spectrum = spectrum_of(piece);
+    let powers = spectrum.iter().enumerate().take(length / 2).map(|(bin, x)| {
+        let [law, whole] = middle.response(bin as f64 * middle.rate_hz / length as f64);
+        (law.norm_sqr() * x.norm_sqr() / length as f64, whole.norm_sqr())
+    });
+    let [piece, noise] = powers.fold([0.0, 0.0], |[piece, noise], (a, b)| [piece + a, noise + b]);
+    (piece / noise).sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// Divides by the mean spectrum, so that the law alone sets it; what the high-pass took away is amplified by 12 dB at most.
+fn flattened(samples: &[f64], warping: f64) -> Vec<f64> {
+    let length = samples.len();
+    let mut spectrum = spectrum_of(samples);
+    let cell = |bin: usize| {
+        let turn = TAU * bin.min(length - bin) as f64 / length as f64;
+        ((unwarp(turn, -warping) / PI * CELLS as f64) as usize).min(CELLS - 1)
+    };
+    let (mut powers, mut counts) = ([0.0; CELLS], [0.0; CELLS]);
+    for (bin, x) in spectrum.iter().enumerate() {
+        powers[cell(bin)] += x.norm_sqr();
+        counts[cell(bin)] += 1.0;
+    }
+    let mean = powers.iter().sum::<f64>() / length as f64;
+    for (bin, x) in spectrum.iter_mut().enumerate() {
+        let power = powers[cell(bin)] / counts[cell(bin)] / mean;
+        *x *= MOST_GAIN.min(1.0 / power.sqrt().max(f64::MIN_POSITIVE)) / length as f64;
+    }
+    fft::inverse(length).process(&mut spectrum);
+    spectrum.iter().map(|e| e.re).collect()
+}
+
+fn spectrum_of(samples: &[f64]) -> Vec<Complex64> {
+    let mut spectrum: Vec<Complex64> = samples.iter().map(|e| Complex64::from(*e)).collect();
+    fft::forward(samples.len()).process(&mut spectrum);
+    spectrum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::tests::synthetic::provenance;
+    use crate::recording::{Gesture, Signals};
+    use haptograph_signal::noise::Gaussian;
+
+    const RATE_HZ: usize = 1_000;
+
+    /// A second of rest in faint noise, 2 s of a stroke, of which the last half is as faint, clipped once.
+    fn stroke() -> (ProcessedRecording, Whitened) {
+        let mut acceleration_m_s2 = vec![0.0; 3 * RATE_HZ];
+        Gaussian::new(1).fill(&mut acceleration_m_s2);
+        acceleration_m_s2[RATE_HZ..2 * RATE_HZ].iter_mut().for_each(|a| *a *= 5.0);
+        acceleration_m_s2[1_500..1_520].fill(30.0);
+        let dragged: Vec<bool> = (0..3 * RATE_HZ).map(|n| n >= RATE_HZ).collect();
+        let whitened = Whitened { samples: acceleration_m_s2.clone(), dragged };
+        let signals = Signals {
+            rate_hz: RATE_HZ as f64,
+            speed_m_s: vec![0.1; acceleration_m_s2.len()],
+            force_normal_n: vec![1.0; acceleration_m_s2.len()],
+            acceleration_m_s2,
+            ..Signals::default()
+        };
+        let recording = ProcessedRecording::new(signals, Gesture::Drag, provenance());
+        (recording.expect("a recording"), whitened)
+    }
+
+    #[test]
+    fn edges_of_strokes_clipped_samples_and_what_the_sensor_hides_are_left_out() {
+        let (recording, whitened) = stroke();
+        assert_eq!(usable(&recording, &whitened), [1_100..1_500, 1_520..2_000]);
+    }
+
+    #[test]
+    fn what_is_flattened_is_white_and_keeps_its_course() {
+        let mut samples = vec![0.0; 20_000];
+        Gaussian::new(2).fill(&mut samples);
+        // Coloured by a pole, and loud in every second tenth of a second.
+        let mut last = 0.0;
+        for (n, e) in samples.iter_mut().enumerate() {
+            *e = *e * (if n / 100 % 2 == 0 { 2.0 } else { 0.5 }) + 0.5 * last;
+            last = *e;
+        }
+        let flat = flattened(&samples, 0.5);
+        let correlation =
+            flat.windows(2).map(|e| e[0] * e[1]).sum::<f64>() / flat.iter().map(|e| e * e).sum::<f64>();
+        assert!(correlation.abs() < 0.02, "{correlation}");
+        let power =
+            |loud: usize| flat.chunks(100).skip(loud).step_by(2).flatten().map(|e| e * e).sum::<f64>();
+        assert!((power(0) / power(1)).log2() > 3.5);
+    }
+}
