@@ -54,14 +54,14 @@ const OCTAVES: usize = OCTAVES_HZ.len();
 /// or have a rate below 1 kHz.
 pub(super) fn find_grain(
     recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
+    whitened: &[Whitened<'_>],
     texture: &TextureModel,
 ) -> Option<Grain> {
-    let samples: Vec<f64> = whitened.iter().flat_map(Whitened::dragged_samples).collect();
+    let samples = stretched(whitened, texture.rate_hz());
     let middle = |of: fn(&ProcessedRecording) -> &[f64]| {
         let values = recordings.iter().zip(whitened).flat_map(|(recording, whitened)| {
-            let both = of(recording).iter().zip(&whitened.dragged).step_by(64);
-            both.filter(|(_, dragged)| **dragged).map(|(value, _)| *value)
+            let both = of(recording).iter().zip(whitened.dragged()).step_by(64);
+            both.filter(|(_, dragged)| *dragged).map(|(value, _)| *value)
         });
         median(&values.collect::<Vec<f64>>())
     };
@@ -77,6 +77,31 @@ pub(super) fn find_grain(
         [law, highpass.as_ref().map_or(law, |high| law * high.response(frequency_hz, texture.rate_hz()))]
     })?
     .grain()
+}
+
+/// The samples at which the tool was dragged, one after the other; of many those of the stretches that [`Fit::new`] takes.
+fn stretched(whitened: &[Whitened<'_>], rate_hz: f64) -> Vec<f64> {
+    let every = (rate_hz / FIT_RATE_HZ).max(1.0) as usize;
+    let whole = (LONGEST_S * (rate_hz / every as f64)) as usize / MULTIPLE * MULTIPLE * every;
+    let runs: Vec<_> =
+        whitened.iter().flat_map(|of| of.runs().into_iter().map(move |run| (of, run))).collect();
+    let count: usize = runs.iter().map(|(_, run)| run.len()).sum();
+    let (mut samples, mut begun) = (vec![], 0);
+    for (of, run) in runs {
+        let end = begun + run.len();
+        let stretches = (0..MAX_STRETCHES).map(|k| match count > MAX_STRETCHES * whole {
+            true => {
+                k * (count - whole) / (MAX_STRETCHES - 1)..k * (count - whole) / (MAX_STRETCHES - 1) + whole
+            }
+            false => k * whole..(k + 1) * whole,
+        });
+        for stretch in stretches {
+            let (from, to) = (stretch.start.clamp(begun, end), stretch.end.clamp(begun, end));
+            samples.extend_from_slice(&of.samples(run.start + from - begun..run.start + to - begun));
+        }
+        begun = end;
+    }
+    samples
 }
 
 /// A recording to which grain is fitted, and what renders it.

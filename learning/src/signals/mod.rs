@@ -107,6 +107,8 @@ pub struct ProcessedRecording {
     // Shared, because minutes at 10 kHz take hundreds of megabytes.
     signals: Arc<Signals>,
     world: Arc<WorldAxes>,
+    /// The vibration without its lines, in place of that of the signals.
+    noise_m_s2: Option<Arc<[f64]>>,
     gesture: Gesture,
     provenance: Provenance,
 }
@@ -167,7 +169,7 @@ impl ProcessedRecording {
         if let Some(sample) = signals.speed_m_s.iter().position(|&v| v < 0.0) {
             return Err(RecordingError::NegativeSpeed { sample, speed_m_s: signals.speed_m_s[sample] });
         }
-        Ok(Self { signals: Arc::new(signals), world: Arc::default(), gesture, provenance })
+        Ok(Self { signals: Arc::new(signals), world: Arc::default(), noise_m_s2: None, gesture, provenance })
     }
 
     /// The same recording with axes in the world.
@@ -184,6 +186,16 @@ impl ProcessedRecording {
         check_axes("force axes", FORCES, world.force_n.as_deref(), self.samples())?;
         self.world = Arc::new(world);
         Ok(self)
+    }
+
+    /// The same recording with this vibration, of as many samples, to learn from.
+    pub(crate) fn with_noise(&self, noise_m_s2: Vec<f64>) -> Self {
+        Self { noise_m_s2: Some(noise_m_s2.into()), ..self.clone() }
+    }
+
+    /// The vibration to learn from, m/s².
+    pub(crate) fn vibration_m_s2(&self) -> &[f64] {
+        self.noise_m_s2.as_deref().unwrap_or(&self.signals.acceleration_m_s2)
     }
 
     /// Position and force by axis.

@@ -150,7 +150,7 @@ fn removal_leaves_the_noise() {
     let lines = find_lines(std::slice::from_ref(&whole), &whitened, &texture);
     let cleaned = without_lines(std::slice::from_ref(&whole), &whitened, &lines);
     let power = |recording: &ProcessedRecording, low: f64, high: f64| {
-        let y = &recording.signals().acceleration_m_s2;
+        let y = &recording.vibration_m_s2();
         welch(y, RATE_HZ, 2000, 1000, Taper::Hann).expect("long enough").power_between(low, high)
     };
     for (low, high) in [(20.0, 45.0), (45.0, 90.0), (90.0, 180.0), (180.0, 400.0), (400.0, 900.0)] {
