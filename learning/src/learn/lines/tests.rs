@@ -218,7 +218,7 @@ fn fabric_slides(folder: &std::path::Path, fabric: &str) -> Vec<ProcessedRecordi
             let level: Vec<f64> = values.iter().map(|x| x - mean).collect();
             let signals = Signals {
                 rate_hz: 356.0,
-                acceleration_m_s2: haptograph_signal::filter::filtfilt(&highpass, &level),
+                acceleration_m_s2: haptograph_signal::filter::filtfilt(&highpass, level),
                 force_normal_n: vec![force_n; rows.len()],
                 speed_m_s: vec![speed.abs() / 1000.0; rows.len()],
                 ..Signals::default()
