@@ -145,7 +145,7 @@ fn simulated_materials_vibrate_as_they_did_when_they_were_measured() {
             let of = |axis: usize| {
                 let zero = calibration.acceleration_zero_v[axis];
                 let gain = calibration.acceleration_m_s2_per_v[axis];
-                let signal: Vec<f64> = volts.samples.iter().map(|v| gain * (v[axis] - zero)).collect();
+                let signal: Vec<f64> = volts.iter().map(|v| gain * (v[axis] - zero)).collect();
                 let spectrum = welch(&signal, volts.rate_hz, 4096, 2048, Window::Hann).unwrap();
                 spectrum.power_between(low_hz, high_hz)
             };

@@ -335,27 +335,29 @@ impl Running {
     }
 }
 
-/// Filters forward and backward: no phase shift, the magnitude response squared. For recordings, not for live signals.
+/// Filters forward and backward, in place: no phase shift, the magnitude response squared. For recordings, not for live signals.
 ///
 /// Both ends are extended by point reflection (odd extension), up to the filter's memory and the signal's length. The
 /// filter starts in its steady state for the first value, so that constants and slopes pass unchanged.
-pub fn filtfilt(filter: &Sections, x: &[f64]) -> Vec<f64> {
+pub fn filtfilt(filter: &Sections, mut x: Vec<f64>) -> Vec<f64> {
     let (Some(&first), Some(&last)) = (x.first(), x.last()) else {
-        return Vec::new();
+        return x;
     };
     let pad = memory(filter).min(x.len() - 1);
-    let mut extended = Vec::with_capacity(x.len() + 2 * pad);
-    extended.extend(x[1..=pad].iter().rev().map(|v| 2.0 * first - v));
-    extended.extend_from_slice(x);
-    extended.extend(x[x.len() - 1 - pad..x.len() - 1].iter().rev().map(|v| 2.0 * last - v));
+    let mut before: Vec<f64> = x[1..=pad].iter().rev().map(|v| 2.0 * first - v).collect();
+    let end = &x[x.len() - 1 - pad..x.len() - 1];
+    let mut after: Vec<f64> = end.iter().rev().map(|v| 2.0 * last - v).collect();
     let mut state = SectionsState::new(filter);
     for _ in 0..2 {
         state.reset();
-        state.settle_at(extended[0]);
-        state.process_in_place(&mut extended);
-        extended.reverse();
+        state.settle_at(before.first().map_or(x[0], |value| *value));
+        for part in [&mut before, &mut x, &mut after] {
+            state.process_in_place(part);
+            part.reverse();
+        }
+        std::mem::swap(&mut before, &mut after);
     }
-    extended[pad..pad + x.len()].to_vec()
+    x
 }
 
 /// Samples until the slowest pole has decayed to a millionth.

@@ -17,7 +17,7 @@ const BUDGETS: [(&str, usize, usize); 10] = [
     ("signal", 5_810, 4_800),
     ("engine", 19_470, 15_500),
     ("surfaces", 7_180, 6_000),
-    ("learning", 14_460, 9_500),
+    ("learning", 14_900, 9_500),
     ("nodes", 14_210, 13_000),
     ("live", 6_510, 6_000),
     ("report", 7_704, 6_000),

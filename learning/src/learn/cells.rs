@@ -139,7 +139,7 @@ mod tests {
         let mut noise = vec![0.0; 40_000];
         Gaussian::new(2).fill(&mut noise);
         let filter = butterworth_highpass(HIGHPASS_ORDER, 20.0, 10_000.0).unwrap();
-        let filtered = haptograph_signal::filter::filtfilt(&filter, &noise);
+        let filtered = haptograph_signal::filter::filtfilt(&filter, noise);
         let cells = CellSpectrum::new(40_000, 10_000.0, 0.85, Some(20.0)).of(&filtered);
         // The lowest cells, 20 Hz and below, are estimates of a few bins each.
         let low = cells[..16].iter().sum::<f64>() / 16.0 * 5000.0;

@@ -29,15 +29,15 @@ const MOST_GAIN: f64 = 4.0;
 /// the sensor.
 pub(super) fn find_clips(
     recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
+    whitened: &[Whitened<'_>],
     texture: &TextureModel,
     middle: &Middle,
 ) -> Option<Clips> {
     let rate_hz = texture.rate_hz();
     let samples = |seconds: f64| ((seconds * rate_hz) as usize).max(1);
-    let mut pieces: Vec<(&Whitened, Range<usize>)> = vec![];
+    let mut pieces: Vec<(&Whitened<'_>, Range<usize>)> = vec![];
     for (recording, whitened) in recordings.iter().zip(whitened) {
-        for run in usable(recording, whitened) {
+        for run in usable(recording, &whitened.dragged().collect::<Vec<bool>>()) {
             let starts = run.clone().step_by(samples(LONGEST_S));
             let piece = starts.map(|start| start..run.end.min(start + samples(LONGEST_S)));
             pieces.extend(
@@ -56,8 +56,8 @@ pub(super) fn find_clips(
         let is_due = kept.len() as f64 <= (seen as f64 / all as f64) * most as f64;
         seen += piece.len();
         if is_due && kept.len() + piece.len() <= most {
-            let piece = &whitened.samples[piece];
-            let level = level(piece, middle);
+            let piece = whitened.samples(piece);
+            let level = level(&piece, middle);
             kept.extend(piece.iter().map(|e| e / level));
         }
     }
@@ -65,11 +65,10 @@ pub(super) fn find_clips(
 }
 
 /// Runs of samples that are dragged, without the edges of strokes, clipped samples, and windows as faint as the sensor's noise.
-fn usable(recording: &ProcessedRecording, whitened: &Whitened) -> Vec<Range<usize>> {
-    let signals = recording.signals();
-    let samples = |seconds: f64| ((seconds * signals.rate_hz) as usize).max(1);
-    let mut usable = whitened.dragged.clone();
-    let acceleration = &signals.acceleration_m_s2;
+fn usable(recording: &ProcessedRecording, dragged: &[bool]) -> Vec<Range<usize>> {
+    let samples = |seconds: f64| ((seconds * recording.rate_hz()) as usize).max(1);
+    let mut usable = dragged.to_vec();
+    let acceleration = recording.vibration_m_s2();
     clipped(acceleration).into_iter().for_each(|sample| usable[sample] = false);
     let windows = (0..usable.len()).step_by(samples(FAINT_S)).map(|start| {
         let window = start..usable.len().min(start + samples(FAINT_S));
@@ -78,7 +77,7 @@ fn usable(recording: &ProcessedRecording, whitened: &Whitened) -> Vec<Range<usiz
     });
     let windows: Vec<(Range<usize>, f64)> = windows.collect();
     let is = |wanted: bool, window: &Range<usize>| {
-        whitened.dragged[window.clone()].iter().all(|dragged| *dragged == wanted)
+        dragged[window.clone()].iter().all(|dragged| *dragged == wanted)
     };
     let mut rest: Vec<f64> =
         windows.iter().filter(|(window, _)| is(false, window)).map(|(_, power)| *power).collect();
@@ -95,7 +94,7 @@ fn usable(recording: &ProcessedRecording, whitened: &Whitened) -> Vec<Range<usiz
         });
         chunks.filter(|(is, _)| *is).map(|(_, run)| run).collect::<Vec<Range<usize>>>()
     };
-    for stroke in runs(&whitened.dragged) {
+    for stroke in runs(dragged) {
         let edge = samples(EDGE_S).min(stroke.len());
         usable[stroke.start..stroke.start + edge].fill(false);
         usable[stroke.end - edge..stroke.end].fill(false);
@@ -154,13 +153,11 @@ mod tests {
     const RATE_HZ: usize = 1_000;
 
     /// A second of rest in faint noise, 2 s of a stroke, of which the last half is as faint, clipped once.
-    fn stroke() -> (ProcessedRecording, Whitened) {
+    fn stroke() -> ProcessedRecording {
         let mut acceleration_m_s2 = vec![0.0; 3 * RATE_HZ];
         Gaussian::new(1).fill(&mut acceleration_m_s2);
         acceleration_m_s2[RATE_HZ..2 * RATE_HZ].iter_mut().for_each(|a| *a *= 5.0);
         acceleration_m_s2[1_500..1_520].fill(30.0);
-        let dragged: Vec<bool> = (0..3 * RATE_HZ).map(|n| n >= RATE_HZ).collect();
-        let whitened = Whitened { samples: acceleration_m_s2.clone(), dragged };
         let signals = Signals {
             rate_hz: RATE_HZ as f64,
             speed_m_s: vec![0.1; acceleration_m_s2.len()],
@@ -168,14 +165,13 @@ mod tests {
             acceleration_m_s2,
             ..Signals::default()
         };
-        let recording = ProcessedRecording::new(signals, Gesture::Drag, provenance());
-        (recording.expect("a recording"), whitened)
+        ProcessedRecording::new(signals, Gesture::Drag, provenance()).expect("a recording")
     }
 
     #[test]
     fn edges_of_strokes_clipped_samples_and_what_the_sensor_hides_are_left_out() {
-        let (recording, whitened) = stroke();
-        assert_eq!(usable(&recording, &whitened), [1_100..1_500, 1_520..2_000]);
+        let dragged: Vec<bool> = (0..3 * RATE_HZ).map(|n| n >= RATE_HZ).collect();
+        assert_eq!(usable(&stroke(), &dragged), [1_100..1_500, 1_520..2_000]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Friction: the slope of tangential over normal force (thesis 2.2.3, 3.2.3, 4.2.1 and A.2.2).
 
-use crate::processing::{ProcessingError, ProcessingSettings, contact_signals};
+use crate::processing::{Kept, ProcessingError, ProcessingSettings, contact_signals};
 use crate::recording::{AnyRecording, Recording};
 use haptograph_signal::statistics::{Line, median};
 use haptograph_surfaces::{Friction, SurfaceError};
@@ -96,11 +96,11 @@ pub(crate) fn sliding(
         |normal_n: f64, tangential_n: f64, speed_m_s: f64| Sliding { normal_n, tangential_n, speed_m_s };
     let moments: Vec<Sliding> = match recording {
         AnyRecording::Raw(raw) => {
-            let contact = contact_signals(raw, processing, &shared_moments(raw))?;
+            let moments = shared_moments(raw);
+            let contact = contact_signals(raw, processing, moments.iter().copied(), Kept::All)?;
+            let tangential = contact.force_tangential_n.ok_or(FrictionError::NoTangentialForce)?;
             (0..contact.speed_m_s.len())
-                .map(|i| {
-                    moment(contact.force_normal_n[i], contact.force_tangential_n[i], contact.speed_m_s[i])
-                })
+                .map(|i| moment(contact.force_normal_n[i], tangential[i], contact.speed_m_s[i]))
                 .collect()
         }
         AnyRecording::Processed(processed) => {

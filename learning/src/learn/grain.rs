@@ -62,13 +62,13 @@ pub(super) struct Middle {
 impl Middle {
     pub(super) fn of(
         recordings: &[ProcessedRecording],
-        whitened: &[Whitened],
+        whitened: &[Whitened<'_>],
         texture: &TextureModel,
     ) -> Self {
         let middle = |of: fn(&ProcessedRecording) -> &[f64]| {
             let values = recordings.iter().zip(whitened).flat_map(|(recording, whitened)| {
-                let both = of(recording).iter().zip(&whitened.dragged).step_by(64);
-                both.filter(|(_, dragged)| **dragged).map(|(value, _)| *value)
+                let both = of(recording).iter().zip(whitened.dragged()).step_by(64);
+                both.filter(|(_, dragged)| *dragged).map(|(value, _)| *value)
             });
             median(&values.collect::<Vec<f64>>())
         };
@@ -96,10 +96,35 @@ impl Middle {
 
 /// Whitened recordings that vary more than Gaussian noise of the same spectrum; `None` if they do not, are shorter than 0.5 s, or
 /// have a rate below 1 kHz.
-pub(super) fn grained(whitened: &[Whitened], middle: &Middle) -> Option<Fit> {
-    let samples: Vec<f64> = whitened.iter().flat_map(Whitened::dragged_samples).collect();
+pub(super) fn grained(whitened: &[Whitened<'_>], middle: &Middle) -> Option<Fit> {
+    let samples = stretched(whitened, middle.rate_hz);
     let fit = Fit::new(&samples, middle.rate_hz, |frequency_hz| middle.response(frequency_hz))?;
     fit.is_grained().then_some(fit)
+}
+
+/// The samples at which the tool was dragged, one after the other; of many those of the stretches that [`Fit::new`] takes.
+fn stretched(whitened: &[Whitened<'_>], rate_hz: f64) -> Vec<f64> {
+    let every = (rate_hz / FIT_RATE_HZ).max(1.0) as usize;
+    let whole = (LONGEST_S * (rate_hz / every as f64)) as usize / MULTIPLE * MULTIPLE * every;
+    let runs: Vec<_> =
+        whitened.iter().flat_map(|of| of.runs().into_iter().map(move |run| (of, run))).collect();
+    let count: usize = runs.iter().map(|(_, run)| run.len()).sum();
+    let (mut samples, mut begun) = (vec![], 0);
+    for (of, run) in runs {
+        let end = begun + run.len();
+        let stretches = (0..MAX_STRETCHES).map(|k| match count > MAX_STRETCHES * whole {
+            true => {
+                k * (count - whole) / (MAX_STRETCHES - 1)..k * (count - whole) / (MAX_STRETCHES - 1) + whole
+            }
+            false => k * whole..(k + 1) * whole,
+        });
+        for stretch in stretches {
+            let (from, to) = (stretch.start.clamp(begun, end), stretch.end.clamp(begun, end));
+            samples.extend_from_slice(&of.samples(run.start + from - begun..run.start + to - begun));
+        }
+        begun = end;
+    }
+    samples
 }
 
 /// A recording to which grain is fitted, and what renders it.

@@ -142,7 +142,7 @@ fn stretches_of(
     let mut spectrum = CellSpectrum::new(span, rate_hz, warping, settings.highpass_hz);
     let of = |start: usize| {
         let samples = start..start + span;
-        let stretch = &signals.acceleration_m_s2[samples.clone()];
+        let stretch = &recording.vibration_m_s2()[samples.clone()];
         let speed_m_s = median(&signals.speed_m_s[samples.clone()]);
         let force_n = median(&signals.force_normal_n[samples.clone()]);
         let fate = match speed_m_s > settings.min_speed_m_s && force_n > settings.min_force_n {
@@ -223,7 +223,7 @@ fn long_stretches(
             if dragged >= 0.5 {
                 stretches.push(Stretch {
                     place: place / dragged,
-                    seen: spectrum.of(&signals.acceleration_m_s2[start..start + length]),
+                    seen: spectrum.of(&recording.vibration_m_s2()[start..start + length]),
                     expected,
                 });
             }

@@ -60,29 +60,27 @@ fn learn_with_structure(
     settings: &LawSettings,
     progress: &dyn Fn(f64),
 ) -> Result<(TextureModel, TextureReport), LearnTextureError> {
-    let whiten = |recordings: &[ProcessedRecording], texture: &TextureModel| -> Vec<Whitened> {
-        let whitened = recordings
-            .iter()
-            .map(|recording| Whitened::new(recording, texture, settings.min_speed_m_s, settings.min_force_n));
-        whitened.collect()
-    };
+    let (least_m_s, least_n) = (settings.min_speed_m_s, settings.min_force_n);
     let (mut fitted, report) = fit_law(recordings, settings, &|part| progress(0.4 * part))?;
     let powers = fitted.texture()?;
-    let whitened = whiten(recordings, &powers);
+    let whitened: Vec<_> =
+        recordings.iter().map(|of| Whitened::new(of, &powers, least_m_s, least_n)).collect();
     let lines = find_lines(recordings, &whitened, &powers);
     progress(0.6);
     let without = (!lines.is_empty()).then(|| without_lines(recordings, &whitened, &lines));
+    drop(whitened);
     if let Some(noise) = &without {
         (fitted, _) = fit_law(noise, settings, &|part| progress(0.6 + 0.2 * part))?;
     }
     let texture = fitted.corrected().texture()?;
     let noise = without.as_deref().unwrap_or(recordings);
-    let whitened = whiten(noise, &texture);
+    let whitened: Vec<_> = noise.iter().map(|of| Whitened::new(of, &texture, least_m_s, least_n)).collect();
     let middle = Middle::of(noise, &whitened, &texture);
     let grained = grained(&whitened, &middle);
     let clips = grained.as_ref().filter(|_| settings.clips);
     let clips = clips.and_then(|_| find_clips(noise, &whitened, &texture, &middle));
     let grain = grained.filter(|_| clips.is_none()).and_then(|fit| fit.grain());
+    drop(whitened);
     let texture = with_lines(texture, &lines)?;
     progress(1.0);
     Ok((texture.with_clips(clips).with_grain(grain), report))

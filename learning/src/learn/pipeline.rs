@@ -7,7 +7,7 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
-use crate::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, processed};
+use crate::processing::{Kept, ProcessingError, ProcessingSettings, SurfaceNormal, processed_keeping};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use haptograph_surfaces::bounds::{FELT_HZ, FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
 use haptograph_surfaces::provenance::{HIGHEST_HZ, TOUCH};
@@ -251,7 +251,7 @@ fn drags(
 ) -> Result<Vec<ProcessedRecording>, LearnError> {
     let mut drags = vec![];
     for (recording, drag) in recordings.iter().enumerate().filter(|(_, r)| r.gesture() == Gesture::Drag) {
-        let drag = processed(drag, &settings.processing)
+        let drag = processed_keeping(drag, &settings.processing, Kept::Texture)
             .map_err(|source| LearnError::Processing { recording, source })?;
         if is_still(&drag) {
             let samples = drag.samples();
@@ -569,7 +569,7 @@ mod tests {
     /// The drag above with fewer samples per second.
     fn at(rate_hz: f64) -> AnyRecording {
         let slower = ProcessingSettings { rate_hz: Some(rate_hz), ..ProcessingSettings::default() };
-        AnyRecording::Processed(super::processed(&recordings()[0], &slower).unwrap())
+        AnyRecording::Processed(crate::processing::processed(&recordings()[0], &slower).unwrap())
     }
 
     #[test]
@@ -602,7 +602,7 @@ mod tests {
     #[test]
     fn friction_needs_no_rate_of_a_vibration() {
         let circle = circle(2.0, 0.03, 1.0, 1.0, 0.35);
-        let slow = Series::new(60.0, circle.acceleration_v().samples.iter().step_by(167).copied().collect());
+        let slow = Series::new(60.0, circle.acceleration_v().iter().step_by(167).collect());
         let slow = crate::recording::Recording::new(
             circle.motion().clone(),
             circle.wrench().clone(),

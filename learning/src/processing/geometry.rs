@@ -37,17 +37,66 @@ pub(super) fn interpolated_orientation(motion: &Series<Pose>, time_s: f64) -> [f
     if length > 0.0 { mixed.map(|q| q / length) } else { a }
 }
 
+/// Loads that are turned at once.
+const STRETCH: usize = 1 << 14;
+
+/// Forces on the tool in the world, N, sample by sample of the force sensor. Of a long recording a stretch is held.
+pub(super) struct WorldForces<'a> {
+    recording: &'a Recording,
+    first: usize,
+    stretch: Vec<Vector>,
+}
+
+impl<'a> WorldForces<'a> {
+    pub(super) fn new(recording: &'a Recording) -> Self {
+        Self { recording, first: 0, stretch: vec![] }
+    }
+
+    fn sample(&mut self, index: usize) -> Vector {
+        if let Some(force) = index.checked_sub(self.first).and_then(|at| self.stretch.get(at)) {
+            return *force;
+        }
+        let Self { recording, first, stretch } = self;
+        let wrench = recording.wrench();
+        // With the one before, because forces between two samples need both.
+        *first = index.saturating_sub(1);
+        let loads = wrench.stretch(*first..(*first + STRETCH).min(wrench.count()));
+        let turned = loads.iter().enumerate().map(|(at, load)| {
+            let turn = interpolated_orientation(recording.motion(), wrench.time_s(*first + at));
+            rotate(turn, recording.calibration().load_on_tool(load).force_n)
+        });
+        *stretch = turned.collect();
+        stretch[index - *first]
+    }
+
+    /// The force at a time: linear between samples, the first or last value outside.
+    pub(super) fn at(&mut self, time_s: f64) -> Vector {
+        let wrench = self.recording.wrench();
+        let (before, part) = wrench.place(time_s);
+        let after = (before + 1).min(wrench.count() - 1);
+        let (a, b) = (self.sample(before), self.sample(after));
+        std::array::from_fn(|i| a[i] + part * (b[i] - a[i]))
+    }
+
+    fn all(&mut self) -> impl Iterator<Item = Vector> {
+        (0..self.recording.wrench().count()).map(|index| self.sample(index))
+    }
+}
+
 /// The unit outward normal of the surface.
 pub(super) fn surface_normal(
     recording: &Recording,
-    forces: &Series<Vector>,
+    forces: &mut WorldForces<'_>,
     tips: &[Vector],
     source: SurfaceNormal,
 ) -> Result<Vector, ProcessingError> {
-    let in_contact = forces.samples.iter().filter(|f| norm(**f) > CONTACT_N);
-    let mut push = in_contact.fold([0.0; 3], |sum, &f| along(sum, 1.0, f));
+    let mut sum = |least_n: f64| {
+        let pushing = forces.all().filter(|f| norm(*f) > least_n);
+        pushing.fold([0.0; 3], |sum, f| along(sum, 1.0, f))
+    };
+    let mut push = sum(CONTACT_N);
     if norm(push) == 0.0 {
-        push = forces.samples.iter().fold([0.0; 3], |sum, &f| along(sum, 1.0, f));
+        push = sum(f64::NEG_INFINITY);
     }
     let normal = match source {
         SurfaceNormal::Given(normal) => normal,

@@ -12,15 +12,17 @@ mod tests;
 
 pub use geometry::SurfaceNormal;
 pub use rate::LOWEST_RATE_HZ;
+use reduction::reduce_by;
 pub use reduction::{AxisReduction, reduce};
 
 use crate::signals::{
-    AnyRecording, ProcessedRecording, Recording, RecordingError, Series, Signals, WorldAxes, Wrench,
+    AnyRecording, ProcessedRecording, Recording, RecordingError, Series, Signals, WorldAxes,
 };
-use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
+use geometry::{Vector, WorldForces, along, dot, norm};
 use haptograph_signal::filter::{DesignError, butterworth_highpass, butterworth_lowpass, filtfilt};
 use haptograph_signal::resample::ResampleError;
 use haptograph_surfaces::texture::HIGHPASS_ORDER;
+use std::ops::Range;
 
 /// Settings for processing; the defaults are the thesis's if it states them.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,13 +87,28 @@ pub enum ProcessingError {
     Recording(#[from] RecordingError),
 }
 
+/// The signals of a processed recording that are kept: all, or those of which a texture is learned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Kept {
+    All,
+    Texture,
+}
+
 /// A recording ready to learn from, at the requested rate: processes a raw one, and keeps a processed one.
 pub fn processed(
     recording: &AnyRecording,
     settings: &ProcessingSettings,
 ) -> Result<ProcessedRecording, ProcessingError> {
+    processed_keeping(recording, settings, Kept::All)
+}
+
+pub(crate) fn processed_keeping(
+    recording: &AnyRecording,
+    settings: &ProcessingSettings,
+    kept: Kept,
+) -> Result<ProcessedRecording, ProcessingError> {
     let processed = match recording {
-        AnyRecording::Raw(raw) => process(raw, settings)?,
+        AnyRecording::Raw(raw) => process_keeping(raw, settings, kept)?,
         AnyRecording::Processed(processed) => processed.clone(),
     };
     match settings.rate_hz {
@@ -109,18 +126,39 @@ pub fn process(
     recording: &Recording,
     settings: &ProcessingSettings,
 ) -> Result<ProcessedRecording, ProcessingError> {
-    let axes = acceleration_axes(recording);
+    process_keeping(recording, settings, Kept::All)
+}
+
+fn process_keeping(
+    recording: &Recording,
+    settings: &ProcessingSettings,
+    kept: Kept,
+) -> Result<ProcessedRecording, ProcessingError> {
     let accelerometer = recording.acceleration_v();
-    let combined = combined(&axes, accelerometer.rate_hz, settings)?;
-    let (kept, times) = common_times(recording);
-    let contact = contact_signals(recording, settings, &times)?;
+    let (rate_hz, common) = (accelerometer.rate_hz, common_samples(recording));
+    let axis = |axis: usize| {
+        let mut acceleration = Vec::with_capacity(accelerometer.count());
+        acceleration.extend(
+            accelerometer.iter().map(|volts| recording.calibration().acceleration_m_s2(&volts)[axis]),
+        );
+        acceleration
+    };
+    let mut acceleration_m_s2 = combined_by(axis, rate_hz, settings)?;
+    acceleration_m_s2.truncate(common.end);
+    acceleration_m_s2.drain(..common.start);
+    let times = common.clone().map(|i| accelerometer.time_s(i));
+    let contact = contact_signals(recording, settings, times, kept)?;
+    let axes = (kept == Kept::All).then(|| {
+        let volts = accelerometer.stretch(common);
+        volts.iter().map(|volts| recording.calibration().acceleration_m_s2(volts)).collect()
+    });
     let signals = Signals {
-        rate_hz: accelerometer.rate_hz,
-        acceleration_m_s2: kept.iter().map(|&i| combined[i]).collect(),
+        rate_hz,
+        acceleration_m_s2,
         force_normal_n: contact.force_normal_n,
-        force_tangential_n: Some(contact.force_tangential_n),
+        force_tangential_n: contact.force_tangential_n,
         speed_m_s: contact.speed_m_s,
-        axes_m_s2: Some(kept.iter().map(|&i| axes[i]).collect()),
+        axes_m_s2: axes,
     };
     Ok(ProcessedRecording::new(signals, recording.gesture(), recording.provenance().clone())?)
 }
@@ -130,24 +168,28 @@ pub(crate) fn process_with_world(
     recording: &Recording,
     settings: &ProcessingSettings,
 ) -> Result<ProcessedRecording, ProcessingError> {
-    let (_, times) = common_times(recording);
-    let (forces, motion) = (world_forces(recording), recording.motion());
+    let times = common_samples(recording).map(|i| recording.acceleration_v().time_s(i));
+    let (mut forces, motion) = (WorldForces::new(recording), recording.motion());
     let tips = Series { rate_hz: motion.rate_hz, start_s: motion.start_s, samples: tip_positions(recording) };
-    let at = |series: &Series<Vector>| times.iter().map(|time| series.at(*time)).collect();
-    let world = WorldAxes { position_m: Some(at(&tips)), force_n: Some(at(&forces)) };
+    let world = WorldAxes {
+        position_m: Some(times.clone().map(|time| tips.at(time)).collect()),
+        force_n: Some(times.map(|time| forces.at(time)).collect()),
+    };
     Ok(process(recording, settings)?.with_world(world)?)
 }
 
-/// The samples of the accelerometer, and their times, at which all sensors have samples.
-fn common_times(recording: &Recording) -> (Vec<usize>, Vec<f64>) {
+/// The samples of the accelerometer at which all sensors have samples.
+fn common_samples(recording: &Recording) -> Range<usize> {
     let accelerometer = recording.acceleration_v();
     let overlap = |series: (f64, f64)| move |time: f64| time >= series.0 - 1e-9 && time <= series.1 + 1e-9;
     let in_motion = overlap((recording.motion().start_s, recording.motion().end_s()));
     let in_wrench = overlap((recording.wrench().start_s, recording.wrench().end_s()));
-    (0..accelerometer.samples.len())
-        .map(|i| (i, accelerometer.time_s(i)))
-        .filter(|(_, time)| in_motion(*time) && in_wrench(*time))
-        .unzip()
+    let is_common = |i: &usize| {
+        let time = accelerometer.time_s(*i);
+        in_motion(time) && in_wrench(time)
+    };
+    let start = (0..accelerometer.count()).find(is_common).unwrap_or(accelerometer.count());
+    start..(start..accelerometer.count()).find(|i| !is_common(i)).unwrap_or(accelerometer.count())
 }
 
 /// Acceleration axes high-passed and combined to one, m/s².
@@ -156,16 +198,24 @@ pub fn combined(
     rate_hz: f64,
     settings: &ProcessingSettings,
 ) -> Result<Vec<f64>, ProcessingError> {
+    combined_by(|axis| axes.iter().map(|a| a[axis]).collect(), rate_hz, settings)
+}
+
+/// The same of axes that are made one at a time.
+fn combined_by(
+    axis: impl Fn(usize) -> Vec<f64>,
+    rate_hz: f64,
+    settings: &ProcessingSettings,
+) -> Result<Vec<f64>, ProcessingError> {
     let highpass = butterworth_highpass(HIGHPASS_ORDER, settings.highpass_hz, rate_hz)?;
-    let filtered: [Vec<f64>; 3] =
-        std::array::from_fn(|axis| filtfilt(&highpass, &axes.iter().map(|a| a[axis]).collect::<Vec<_>>()));
-    let combined = reduce(&filtered, settings.reduction).ok_or(match settings.reduction {
+    let filtered = |number: usize| (number < 3).then(|| filtfilt(&highpass, axis(number)));
+    let combined = reduce_by(filtered, settings.reduction).ok_or(match settings.reduction {
         AxisReduction::SingleAxis(axis) => ProcessingError::Axis(axis),
         _ => ProcessingError::NoAxes,
     })?;
     Ok(match settings.reduction {
         // A magnitude is never negative: it has a mean of its own.
-        AxisReduction::VectorMagnitude => filtfilt(&highpass, &combined),
+        AxisReduction::VectorMagnitude => filtfilt(&highpass, combined),
         _ => combined,
     })
 }
@@ -177,19 +227,7 @@ pub(crate) fn high_passed(
     settings: &ProcessingSettings,
 ) -> Result<Vec<f64>, DesignError> {
     let highpass = butterworth_highpass(HIGHPASS_ORDER, settings.highpass_hz, rate_hz)?;
-    Ok(filtfilt(&highpass, signal))
-}
-
-/// Acceleration, m/s², sample by sample of the accelerometer.
-pub fn acceleration_axes(recording: &Recording) -> Vec<[f64; 3]> {
-    let volts = recording.acceleration_v().samples.iter();
-    volts.map(|volts| recording.calibration().acceleration_m_s2(volts)).collect()
-}
-
-/// Loads on the tool in its own frame, sample by sample of the force sensor.
-pub fn tool_wrench(recording: &Recording) -> Vec<Wrench> {
-    let loads = recording.wrench().samples.iter();
-    loads.map(|load| recording.calibration().load_on_tool(load)).collect()
+    Ok(filtfilt(&highpass, signal.to_vec()))
 }
 
 /// The tip in the world, m, sample by sample of the tracker.
@@ -201,7 +239,7 @@ pub fn tip_positions(recording: &Recording) -> Vec<[f64; 3]> {
 /// Forces and speed at given moments.
 pub(super) struct ContactSignals {
     pub force_normal_n: Vec<f64>,
-    pub force_tangential_n: Vec<f64>,
+    pub force_tangential_n: Option<Vec<f64>>,
     pub speed_m_s: Vec<f64>,
 }
 
@@ -209,41 +247,43 @@ pub(super) struct ContactSignals {
 pub(super) fn contact_signals(
     recording: &Recording,
     settings: &ProcessingSettings,
-    times: &[f64],
+    mut times: impl DoubleEndedIterator<Item = f64> + ExactSizeIterator + Clone,
+    kept: Kept,
 ) -> Result<ContactSignals, ProcessingError> {
-    let forces = world_forces(recording);
+    let mut forces = WorldForces::new(recording);
     let tips = tip_positions(recording);
-    let normal = geometry::surface_normal(recording, &forces, &tips, settings.normal)?;
+    let normal = geometry::surface_normal(recording, &mut forces, &tips, settings.normal)?;
     let velocity = velocities(recording, &tips, settings)?;
+    drop(tips);
+    let samples = times.len();
+    let [mut normal_n, mut speed_m_s] = [(); 2].map(|()| Vec::with_capacity(samples));
+    let mut tangential_n = (kept == Kept::All).then(|| Vec::with_capacity(samples));
     let mut direction: Vector = [0.0; 3];
-    let (mut normal_n, mut tangential_n, mut speed_m_s) = (vec![], vec![], vec![]);
-    for &time in times {
+    for time in times.clone() {
         let (force, velocity) = (forces.at(time), velocity.at(time));
         let in_plane = along(velocity, -dot(velocity, normal), normal);
         if norm(in_plane) > SLOWEST_DIRECTION_M_S {
             direction = in_plane.map(|x| x / norm(in_plane));
         }
         normal_n.push(dot(force, normal));
-        tangential_n.push(-dot(force, direction));
+        tangential_n.iter_mut().for_each(|tangential_n| tangential_n.push(-dot(force, direction)));
         speed_m_s.push(norm(velocity));
     }
-    let rate_hz = match times {
-        [first, .., last] => (times.len() - 1) as f64 / (last - first),
-        _ => {
-            return Err(RecordingError::TooShort { quantity: "recording", samples: times.len() }.into());
-        }
+    let (Some(first), Some(last)) = (times.next(), times.next_back()) else {
+        return Err(RecordingError::TooShort { quantity: "recording", samples }.into());
     };
-    let smooth = |signal: &[f64], sensor_hz: f64| -> Result<Vec<f64>, ProcessingError> {
+    let rate_hz = (samples - 1) as f64 / (last - first);
+    let smooth = |signal: Vec<f64>, sensor_hz: f64| -> Result<Vec<f64>, ProcessingError> {
         let cutoff_hz = settings.lowpass_hz.min(0.45 * sensor_hz.min(rate_hz));
         Ok(filtfilt(&butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, rate_hz)?, signal))
     };
     let (force_hz, tracker_hz) = (recording.wrench().rate_hz, recording.motion().rate_hz);
-    Ok(ContactSignals {
-        force_normal_n: smooth(&normal_n, force_hz)?,
-        force_tangential_n: smooth(&tangential_n, force_hz)?,
-        // Smoothing may undershoot zero where the tool stops.
-        speed_m_s: smooth(&speed_m_s, tracker_hz)?.into_iter().map(|v| v.max(0.0)).collect(),
-    })
+    let force_normal_n = smooth(normal_n, force_hz)?;
+    let force_tangential_n = tangential_n.map(|signal| smooth(signal, force_hz)).transpose()?;
+    let mut speed_m_s = smooth(speed_m_s, tracker_hz)?;
+    // Smoothing may undershoot zero where the tool stops.
+    speed_m_s.iter_mut().for_each(|v| *v = v.max(0.0));
+    Ok(ContactSignals { force_normal_n, force_tangential_n, speed_m_s })
 }
 
 /// Indentation in m, zero at its smallest, and normal force in N at given moments.
@@ -252,9 +292,9 @@ pub(super) fn press_curve(
     normal: SurfaceNormal,
     times: &[f64],
 ) -> Result<Vec<(f64, f64)>, ProcessingError> {
-    let forces = world_forces(recording);
+    let mut forces = WorldForces::new(recording);
     let tips = tip_positions(recording);
-    let normal = geometry::surface_normal(recording, &forces, &tips, normal)?;
+    let normal = geometry::surface_normal(recording, &mut forces, &tips, normal)?;
     let motion = recording.motion();
     let depth = |tip: &Vector| -dot(*tip, normal);
     let depths = Series {
@@ -264,16 +304,6 @@ pub(super) fn press_curve(
     };
     let least = depths.samples.iter().copied().fold(f64::INFINITY, f64::min);
     Ok(times.iter().map(|&time| (depths.at(time) - least, dot(forces.at(time), normal))).collect())
-}
-
-/// Forces on the tool in the world, N, sample by sample of the force sensor.
-fn world_forces(recording: &Recording) -> Series<Vector> {
-    let wrench = recording.wrench();
-    let turned = |(i, w): (usize, Wrench)| {
-        rotate(interpolated_orientation(recording.motion(), wrench.time_s(i)), w.force_n)
-    };
-    let samples = tool_wrench(recording).into_iter().enumerate().map(turned).collect();
-    Series { rate_hz: wrench.rate_hz, start_s: wrench.start_s, samples }
 }
 
 /// Velocities of the tip, m/s, sample by sample of the tracker.
@@ -318,7 +348,7 @@ fn derivative(
                 (tips[after][axis] - tips[before][axis]) * rate_hz / (after - before) as f64
             })
             .collect();
-        filtfilt(&lowpass, &derivative)
+        filtfilt(&lowpass, derivative)
     });
     Ok((0..=last).map(|i| std::array::from_fn(|axis| smooth[axis][i])).collect())
 }

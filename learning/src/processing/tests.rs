@@ -27,11 +27,11 @@ fn a_circle_has_its_push_friction_and_speed() {
 #[test]
 fn the_plane_and_the_mean_force_agree_on_the_normal() {
     let recording = circle(3.0, 0.03, 1.0, 2.0, 0.3);
-    let (forces, tips) = (world_forces(&recording), tip_positions(&recording));
+    let (mut forces, tips) = (WorldForces::new(&recording), tip_positions(&recording));
     for source in
         [SurfaceNormal::PlaneFit, SurfaceNormal::ForceDirection, SurfaceNormal::Given(normal().into())]
     {
-        let found = geometry::surface_normal(&recording, &forces, &tips, source).unwrap();
+        let found = geometry::surface_normal(&recording, &mut forces, &tips, source).unwrap();
         let off = norm(along(found, -1.0, normal().into()));
         assert!(off < 1e-3, "{source:?} is off by {off}");
     }

@@ -194,7 +194,10 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
         let place = place(tables, names[0]);
         tables[place].conform(names, Taken::Filled)
     };
-    let acceleration = sensor(&["accel_x", "accel_y", "accel_z"])?;
+    let acceleration = {
+        let axes = sensor(&["accel_x", "accel_y", "accel_z"])?;
+        axes.series(|i| axes.at(i, 0))
+    };
     let poses = sensor(&[
         "position_x",
         "position_y",
@@ -219,7 +222,7 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
     Ok(Recording::new(
         poses.series(pose),
         load.series(wrench),
-        acceleration.series(|i| acceleration.at(i, 0)),
+        acceleration,
         Calibration::default(),
         gesture,
         provenance,

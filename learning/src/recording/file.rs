@@ -4,7 +4,7 @@ use super::csv::{self, ColumnSelection, Table, Taken};
 use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
 use super::{
-    AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv, write_hatt,
+    AnyRecording, Column, ReadError, open_archive, read_hatt, signal, write_archive, write_csv, write_hatt,
 };
 use crate::processing::{ProcessingSettings, process_with_world};
 use haptograph_surfaces::provenance::VIBRATION_UNIT;
@@ -41,7 +41,7 @@ fn read(
     if let [path] = &paths[..] {
         match kind(path)? {
             Kind::Archive => {
-                let read = read_archive(&all(path)?).map_err(|source| read_error(path, source))?;
+                let read = open_archive(open(path)?.get_ref()).map_err(|source| read_error(path, source))?;
                 return Ok((read, vec![]));
             }
             Kind::Hatt => return load_hatt(path).map(|recording| (recording, vec![])),

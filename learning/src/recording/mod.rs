@@ -13,9 +13,11 @@ mod no_archive;
 mod signal;
 
 pub use crate::signals::{
-    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, RecordingError, Series, Signals,
-    WorldAxes, Wrench,
+    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, RecordingError, Sensor, Series,
+    Signals, WorldAxes, Wrench,
 };
+#[cfg(not(target_family = "wasm"))]
+use archive::open_archive;
 #[cfg(not(target_family = "wasm"))]
 pub use archive::{read_archive, write_archive};
 pub use csv::{COLUMNS, CsvHead, QUANTITIES, csv_head, read_csv, write_csv};
@@ -26,6 +28,8 @@ pub use file::{
 pub use hatt::{read_hatt, write_hatt};
 pub(crate) use import::clipped;
 pub use import::{BadCell, Finding, ImportSettings, remove_offset};
+#[cfg(target_family = "wasm")]
+use no_archive::open_archive;
 #[cfg(target_family = "wasm")]
 pub use no_archive::{read_archive, write_archive};
 pub use signal::{Column, read_column, read_signal};

@@ -4,10 +4,11 @@
 //! quantities. Models are learned from a [`ProcessedRecording`]: acceleration on one axis, normal and tangential force
 //! and speed, all at one rate. [`processing`](crate::processing) converts the first to the second.
 
-mod series;
+pub(crate) mod series;
 
 pub use haptograph_surfaces::recorder::{Calibration, Gesture, Pose, Wrench};
-pub use series::Series;
+use series::check;
+pub use series::{Sensor, Series};
 
 use haptograph_surfaces::Provenance;
 use haptograph_surfaces::bounds::{self, RATES, RATES_HZ, shown};
@@ -22,8 +23,8 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     motion: Series<Pose>,
-    wrench: Series<Wrench>,
-    acceleration_v: Series<[f64; 3]>,
+    wrench: Sensor<Wrench>,
+    acceleration_v: Sensor<[f64; 3]>,
     calibration: Calibration,
     gesture: Gesture,
     provenance: Provenance,
@@ -36,19 +37,23 @@ impl Recording {
     /// (to 1e-3; they are normalised here), the force sensor's rotation is orthonormal, and the three overlap in time.
     pub fn new(
         mut motion: Series<Pose>,
-        wrench: Series<Wrench>,
-        acceleration_v: Series<[f64; 3]>,
+        wrench: impl Into<Sensor<Wrench>>,
+        acceleration_v: impl Into<Sensor<[f64; 3]>>,
         calibration: Calibration,
         gesture: Gesture,
         provenance: Provenance,
     ) -> Result<Self, RecordingError> {
-        motion.check("motion", (bounds::MAX_POSITION_M, "m"), |pose| {
-            magnitude(&pose.position_m).max(magnitude(&pose.orientation))
-        })?;
-        wrench.check("wrench", (bounds::MAX_FORCE_N, "N or N m"), |wrench| {
-            magnitude(&wrench.force_n).max(magnitude(&wrench.torque_n_m))
-        })?;
-        acceleration_v.check("acceleration", (bounds::MAX_ACCELERATION_M_S2, "V"), |a| magnitude(a))?;
+        let (wrench, acceleration_v) = (wrench.into(), acceleration_v.into());
+        let grid = (motion.rate_hz, motion.start_s, motion.samples.len());
+        let sizes = motion.samples.iter();
+        let sizes = sizes.map(|pose| magnitude(&pose.position_m).max(magnitude(&pose.orientation)));
+        check("motion", (bounds::MAX_POSITION_M, "m"), grid, sizes)?;
+        let grid = (wrench.rate_hz, wrench.start_s, wrench.count());
+        let sizes = wrench.iter().map(|load| magnitude(&load.force_n).max(magnitude(&load.torque_n_m)));
+        check("wrench", (bounds::MAX_FORCE_N, "N or N m"), grid, sizes)?;
+        let grid = (acceleration_v.rate_hz, acceleration_v.start_s, acceleration_v.count());
+        let sizes = acceleration_v.iter().map(|volts| magnitude(&volts));
+        check("acceleration", (bounds::MAX_ACCELERATION_M_S2, "V"), grid, sizes)?;
         if !calibration.is_valid() {
             return Err(RecordingError::Calibration);
         }
@@ -76,12 +81,12 @@ impl Recording {
     }
 
     /// Loads on the tool in the force sensor's frame.
-    pub fn wrench(&self) -> &Series<Wrench> {
+    pub fn wrench(&self) -> &Sensor<Wrench> {
         &self.wrench
     }
 
     /// Readings of the accelerometer's axes, V.
-    pub fn acceleration_v(&self) -> &Series<[f64; 3]> {
+    pub fn acceleration_v(&self) -> &Sensor<[f64; 3]> {
         &self.acceleration_v
     }
 
@@ -107,6 +112,8 @@ pub struct ProcessedRecording {
     // Shared, because minutes at 10 kHz take hundreds of megabytes.
     signals: Arc<Signals>,
     world: Arc<WorldAxes>,
+    /// The vibration without its lines, in place of that of the signals.
+    noise_m_s2: Option<Arc<[f64]>>,
     gesture: Gesture,
     provenance: Provenance,
 }
@@ -167,7 +174,7 @@ impl ProcessedRecording {
         if let Some(sample) = signals.speed_m_s.iter().position(|&v| v < 0.0) {
             return Err(RecordingError::NegativeSpeed { sample, speed_m_s: signals.speed_m_s[sample] });
         }
-        Ok(Self { signals: Arc::new(signals), world: Arc::default(), gesture, provenance })
+        Ok(Self { signals: Arc::new(signals), world: Arc::default(), noise_m_s2: None, gesture, provenance })
     }
 
     /// The same recording with axes in the world.
@@ -184,6 +191,16 @@ impl ProcessedRecording {
         check_axes("force axes", FORCES, world.force_n.as_deref(), self.samples())?;
         self.world = Arc::new(world);
         Ok(self)
+    }
+
+    /// The same recording with this vibration, of as many samples, to learn from.
+    pub(crate) fn with_noise(&self, noise_m_s2: Vec<f64>) -> Self {
+        Self { noise_m_s2: Some(noise_m_s2.into()), ..self.clone() }
+    }
+
+    /// The vibration to learn from, m/s².
+    pub(crate) fn vibration_m_s2(&self) -> &[f64] {
+        self.noise_m_s2.as_deref().unwrap_or(&self.signals.acceleration_m_s2)
     }
 
     /// Position and force by axis.

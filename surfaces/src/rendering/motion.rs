@@ -123,7 +123,7 @@ impl RandomWalk {
             })
             .collect();
         let smooth = match butterworth_lowpass(2, self.cutoff_hz, WALK_HZ) {
-            Ok(lowpass) => filtfilt(&lowpass, &walk),
+            Ok(lowpass) => filtfilt(&lowpass, walk),
             Err(_) => walk,
         };
         let least = smooth.iter().copied().fold(f64::INFINITY, f64::min);

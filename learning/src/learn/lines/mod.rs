@@ -34,7 +34,7 @@ struct Stretch {
 /// Finds the lines in the recordings of `texture`, strongest first; none if their speeds vary by less than 1.5 to 1.
 pub(super) fn find_lines(
     recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
+    whitened: &[Whitened<'_>],
     texture: &TextureModel,
 ) -> Vec<FoundLine> {
     let stretches = stretches(recordings, whitened);
@@ -65,15 +65,12 @@ pub(super) fn with_lines(texture: TextureModel, found: &[FoundLine]) -> Result<T
 }
 
 /// Stretches of at least half a window's distance.
-fn stretches(recordings: &[ProcessedRecording], whitened: &[Whitened]) -> Vec<Stretch> {
+fn stretches(recordings: &[ProcessedRecording], whitened: &[Whitened<'_>]) -> Vec<Stretch> {
     let mut all = vec![];
     for (recording, (signals, whitened)) in recordings.iter().map(|r| r.signals()).zip(whitened).enumerate() {
-        let mut start = 0;
-        for run in whitened.dragged.chunk_by(|a, b| a == b) {
-            let samples = start..start + run.len();
-            start = samples.end;
+        for samples in whitened.runs() {
             let way_m = signals.speed_m_s[samples.clone()].iter().sum::<f64>() / signals.rate_hz;
-            if run[0] && way_m >= 0.5 * WINDOW_M {
+            if way_m >= 0.5 * WINDOW_M {
                 all.push(Stretch { recording, samples });
             }
         }
@@ -81,15 +78,15 @@ fn stretches(recordings: &[ProcessedRecording], whitened: &[Whitened]) -> Vec<St
     all
 }
 
-/// Divides a distance, given its steps in m, into equal windows; returns the samples of each.
-fn windows(steps_m: &[f64]) -> Vec<Range<usize>> {
-    let total: f64 = steps_m.iter().sum();
+/// Divides a distance, given its `samples` steps in m, into equal windows; returns the samples of each.
+fn windows(steps_m: impl Iterator<Item = f64> + Clone, samples: usize) -> Vec<Range<usize>> {
+    let total: f64 = steps_m.clone().take(samples).sum();
     // A window has at least one step.
-    let count = ((total / WINDOW_M).round() as usize).min(steps_m.len());
+    let count = ((total / WINDOW_M).round() as usize).min(samples);
     let (mut windows, mut start, mut way) = (Vec::with_capacity(count), 0, 0.0);
-    for (n, step) in steps_m.iter().enumerate() {
+    for (n, step) in steps_m.take(samples).enumerate() {
         way += step;
-        let is_last = n + 1 == steps_m.len();
+        let is_last = n + 1 == samples;
         if windows.len() < count && (way >= total * (windows.len() + 1) as f64 / count as f64 || is_last) {
             windows.push(start..n + 1);
             start = n + 1;

@@ -10,44 +10,33 @@ use std::f64::consts::{PI, TAU};
 /// The recordings without their lines; the noise around a line keeps its level.
 pub(in super::super) fn without_lines(
     recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
+    whitened: &[Whitened<'_>],
     lines: &[FoundLine],
 ) -> Vec<ProcessedRecording> {
     let stretches = stretches(recordings, whitened);
-    let mut signals: Vec<_> = recordings.iter().map(|r| r.signals().clone()).collect();
+    let mut noise: Vec<_> = recordings.iter().map(|r| r.vibration_m_s2().to_vec()).collect();
     for line in lines {
         for Stretch { recording, samples } in &stretches {
-            let signals = &mut signals[*recording];
-            let steps_m: Vec<f64> =
-                signals.speed_m_s[samples.clone()].iter().map(|speed| speed / signals.rate_hz).collect();
-            remove(&mut signals.acceleration_m_s2[samples.clone()], &steps_m, line);
+            let signals = recordings[*recording].signals();
+            let ways_m = signals.speed_m_s[samples.clone()].iter().scan(0.0, |way, speed| {
+                *way += speed / signals.rate_hz;
+                Some(*way)
+            });
+            remove(&mut noise[*recording][samples.clone()], ways_m, line);
         }
     }
-    let cleaned = signals.into_iter().zip(recordings);
-    cleaned
-        .map(|(signals, recording)| {
-            let cleaned =
-                ProcessedRecording::new(signals, recording.gesture(), recording.provenance().clone());
-            // The samples have the same number and are finite, so this cannot fail.
-            cleaned.unwrap_or_else(|_| recording.clone())
-        })
-        .collect()
+    noise.into_iter().zip(recordings).map(|(noise, recording)| recording.with_noise(noise)).collect()
 }
 
-/// Removes a line from a stretch.
-fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
-    let ways_m: Vec<f64> = steps_m
-        .iter()
-        .scan(0.0, |way, step| {
-            *way += step;
-            Some(*way)
-        })
-        .collect();
+/// Removes a line from a stretch, of whose samples the distances from its beginning are given, m.
+fn remove(samples: &mut [f64], ways_m: impl Iterator<Item = f64> + Clone, line: &FoundLine) {
+    let total_m = ways_m.clone().last().unwrap_or(0.0);
     // Where cells are without samples there is no line to remove.
-    if ways_m.last().is_none_or(|total_m| total_m / line.cell_m() > samples.len() as f64) {
+    if samples.is_empty() || total_m / line.cell_m() > samples.len() as f64 {
         return;
     }
-    let amplitudes = amplitudes(samples, &ways_m, line);
+    let count = (total_m / line.cell_m()).ceil() as usize + 1;
+    let amplitudes = amplitudes(samples, ways_m.clone(), line, count);
     let coherence_m = (2.0 / line.diffusion_rad2_per_m.max(1e-9)).min(WINDOW_M).max(2.0 * line.cell_m());
     let decay = (-line.cell_m() / coherence_m).exp();
     let (smooth, kept) = smoothed(&amplitudes, decay, line);
@@ -62,7 +51,7 @@ fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
     }
     let noise = (all - squared * kept).max(0.0);
     let part = 1.0 - (noise / all).sqrt();
-    for (y, way) in samples.iter_mut().zip(&ways_m) {
+    for (y, way) in samples.iter_mut().zip(ways_m) {
         let place = way / line.cell_m();
         let before = (place as usize).min(smooth.len() - 1);
         let after = (before + 1).min(smooth.len() - 1);
@@ -72,9 +61,12 @@ fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
 }
 
 /// The line's complex amplitude around each cell's edge, tapered to a cell on each side.
-fn amplitudes(samples: &[f64], ways_m: &[f64], line: &FoundLine) -> Vec<Complex64> {
-    let total_m = ways_m.last().copied().unwrap_or(0.0);
-    let count = (total_m / line.cell_m()).ceil() as usize + 1;
+fn amplitudes(
+    samples: &[f64],
+    ways_m: impl Iterator<Item = f64>,
+    line: &FoundLine,
+    count: usize,
+) -> Vec<Complex64> {
     let mut sums = vec![(Complex64::new(0.0, 0.0), 0.0); count];
     for (y, way) in samples.iter().zip(ways_m) {
         let place = way / line.cell_m();

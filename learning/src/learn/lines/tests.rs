@@ -150,7 +150,7 @@ fn removal_leaves_the_noise() {
     let lines = find_lines(std::slice::from_ref(&whole), &whitened, &texture);
     let cleaned = without_lines(std::slice::from_ref(&whole), &whitened, &lines);
     let power = |recording: &ProcessedRecording, low: f64, high: f64| {
-        let y = &recording.signals().acceleration_m_s2;
+        let y = &recording.vibration_m_s2();
         welch(y, RATE_HZ, 2000, 1000, Taper::Hann).expect("long enough").power_between(low, high)
     };
     for (low, high) in [(20.0, 45.0), (45.0, 90.0), (90.0, 180.0), (180.0, 400.0), (400.0, 900.0)] {
@@ -218,7 +218,7 @@ fn fabric_slides(folder: &std::path::Path, fabric: &str) -> Vec<ProcessedRecordi
             let level: Vec<f64> = values.iter().map(|x| x - mean).collect();
             let signals = Signals {
                 rate_hz: 356.0,
-                acceleration_m_s2: haptograph_signal::filter::filtfilt(&highpass, &level),
+                acceleration_m_s2: haptograph_signal::filter::filtfilt(&highpass, level),
                 force_normal_n: vec![force_n; rows.len()],
                 speed_m_s: vec![speed.abs() / 1000.0; rows.len()],
                 ..Signals::default()

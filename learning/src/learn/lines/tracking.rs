@@ -81,7 +81,7 @@ struct Window {
 pub(super) fn track(
     cycles_per_m: f64,
     recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
+    whitened: &[Whitened<'_>],
     stretches: &[Stretch],
     texture: &TextureModel,
 ) -> Option<FoundLine> {
@@ -164,7 +164,7 @@ fn law(cycles_per_m: f64, diffusion_rad2_per_m: f64, windows: &[Window]) -> Opti
 fn followed(
     cycles_per_m: f64,
     recordings: &[ProcessedRecording],
-    whitened: &[Whitened],
+    whitened: &[Whitened<'_>],
     stretches: &[Stretch],
     texture: &TextureModel,
 ) -> Vec<Window> {
@@ -175,9 +175,7 @@ fn followed(
     for Stretch { recording, samples } in stretches {
         let signals = recordings[*recording].signals();
         let speeds_m_s = &signals.speed_m_s[samples.clone()];
-        let steps_m: Vec<f64> = speeds_m_s.iter().map(|speed| speed / rate_hz).collect();
-        let whole = &whitened[*recording].samples[samples.clone()];
-        for window in windows(&steps_m) {
+        for window in windows(speeds_m_s.iter().map(|speed| speed / rate_hz), samples.len()) {
             let speed_m_s = haptograph_signal::statistics::mean(&speeds_m_s[window.clone()]);
             let force_n =
                 haptograph_signal::statistics::mean(&signals.force_normal_n[samples.clone()][window.clone()]);
@@ -187,7 +185,10 @@ fn followed(
             }
             interpolator.interpolate(speed_m_s, force_n, &mut filter);
             let response = squared_response(filter.ar(), filter.warping, TAU * frequency_hz / rate_hz);
-            let (products, counts) = products(&whole[window.clone()], &steps_m[window], cycles_per_m);
+            let within = samples.start + window.start..samples.start + window.end;
+            let steps_m = speeds_m_s[window].iter().map(|speed| speed / rate_hz);
+            let whitened = whitened[*recording].samples(within);
+            let (products, counts) = products(&whitened, steps_m, cycles_per_m);
             all.push(Window {
                 speed_m_s,
                 force_n,
@@ -200,7 +201,11 @@ fn followed(
     all
 }
 
-fn products(samples: &[f64], steps_m: &[f64], cycles_per_m: f64) -> ([Complex64; LAGS], [usize; LAGS]) {
+fn products(
+    samples: &[f64],
+    steps_m: impl Iterator<Item = f64>,
+    cycles_per_m: f64,
+) -> ([Complex64; LAGS], [usize; LAGS]) {
     let cell_m = cell_m(cycles_per_m);
     let mut cells: Vec<(Complex64, usize)> = vec![];
     let mut way = 0.0;

@@ -73,6 +73,8 @@ pub(super) fn processed(
         .partition(|name| vibration.has(name));
     names.extend(here);
     let mut taken = vibration.conform(&names, Taken::All)?;
+    // Nothing more is taken from it.
+    vibration.remove("time");
     let mut slow = vec![];
     for name in there {
         if let Some(table) = others.iter_mut().find(|table| table.has(name)) {

@@ -1,6 +1,6 @@
 //! Recordings written as CSV.
 
-use super::super::{AnyRecording, ProcessedRecording, Recording, Series};
+use super::super::{AnyRecording, ProcessedRecording, Recording};
 use haptograph_signal::units::decimal::format_thousandfold;
 use haptograph_surfaces::recorder::{Clock, RawTable, origin_lines};
 use std::io::Write;
@@ -43,14 +43,16 @@ fn write_processed(processed: &ProcessedRecording, writer: &mut Vec<u8>) -> std:
 }
 
 fn write_raw(raw: &Recording, bytes: &mut Vec<u8>) -> std::io::Result<()> {
-    let clocks = [clock(raw.acceleration_v()), clock(raw.wrench()), clock(raw.motion())];
+    let (acceleration, wrench, motion) = (raw.acceleration_v(), raw.wrench(), raw.motion());
+    let clocks = [
+        (acceleration.rate_hz, acceleration.start_s),
+        (wrench.rate_hz, wrench.start_s),
+        (motion.rate_hz, motion.start_s),
+    ];
+    let clocks = clocks.map(|(rate_hz, start_s)| Clock { rate_hz, start_s });
     let mut table = RawTable::over(bytes, raw.calibration(), clocks)?;
-    raw.acceleration_v().samples.iter().for_each(|volts| table.push_acceleration(volts));
-    raw.wrench().samples.iter().for_each(|load| table.push_load(load));
-    raw.motion().samples.iter().for_each(|pose| table.push_pose(pose));
+    acceleration.iter().for_each(|volts| table.push_acceleration(&volts));
+    wrench.iter().for_each(|load| table.push_load(&load));
+    motion.samples.iter().for_each(|pose| table.push_pose(pose));
     table.finish().map(|_| ())
-}
-
-fn clock<T>(series: &Series<T>) -> Clock {
-    Clock { rate_hz: series.rate_hz, start_s: series.start_s }
 }

@@ -8,6 +8,7 @@ use crate::recording::import::{
 };
 use crate::recording::{ReadError, Series};
 use haptograph_surfaces::bounds::{self, RATES, RATES_HZ};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// Longest run of missing acceleration rows that is interpolated.
@@ -96,7 +97,7 @@ impl Table {
         }
     }
 
-    /// The rate and start of the samples in these rows, with their times.
+    /// The rate and start of the samples in these rows, with their times if they have to be resampled.
     fn timing(&self, rows: Option<&[usize]>) -> Result<(Timing, Vec<f64>), ReadError> {
         if let Some(rate_hz) = self.rate_without_times()? {
             let timing = Timing { rate_hz, start_s: 0.0, is_uneven: false, finding: None };
@@ -105,15 +106,17 @@ impl Table {
         let place = self.needed("time")?;
         let all = &self.columns[place].values;
         let mut times = match rows {
-            Some(rows) => rows.iter().map(|&row| all[row]).collect(),
-            None => all.clone(),
+            Some(rows) => Cow::Owned(rows.iter().map(|&row| all[row]).collect()),
+            None => Cow::Borrowed(&all[..]),
         };
         let line =
             |index: usize| self.lines.of(rows.map_or(index, |rows| rows.get(index).copied().unwrap_or(0)));
         self.check_bound(place, &times, line)?;
         let longest = if self.strict { 0 } else { LONGEST_REPAIR };
-        interpolate_missing(&mut times, longest)
-            .map_err(|at| self.error(line(at.start), "time is missing"))?;
+        if !times.iter().all(|time| time.is_finite()) {
+            interpolate_missing(times.to_mut(), longest)
+                .map_err(|at| self.error(line(at.start), "time is missing"))?;
+        }
         let mut found =
             timing(&times, self.strict).map_err(|(index, message)| self.error(line(index), message))?;
         if !RATES_HZ.contains(&found.rate_hz) {
@@ -122,6 +125,7 @@ impl Table {
             return Err(self.error(self.header_line, format!("{what}; the rate must be {RATES}")));
         }
         found.start_s += self.since_s;
+        let times = if found.is_uneven { times.into_owned() } else { vec![] };
         Ok((found, times))
     }
 
