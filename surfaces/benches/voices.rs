@@ -6,7 +6,9 @@
 mod contest;
 
 use contest::Work;
+use haptograph_signal::noise::Gaussian;
 use haptograph_surfaces::files;
+use haptograph_surfaces::layers::Clips;
 use haptograph_surfaces::rendering::{
     RandomWalk, SynthesisSettings, Trajectory, Voice, synthesise, synthesise_many,
 };
@@ -29,10 +31,17 @@ fn main() {
     let surface = files::load(&path).expect("the shipped surface");
     let whole = surface.texture.expect("it has a texture");
     let bare = whole.clone().with_grain(None).with_highpass_hz(None).expect("less is sound");
+    let mut recorded = vec![0.0; 200_000];
+    Gaussian::new(1).fill(&mut recorded);
+    let clips = Clips::new(&recorded).expect("20 s of noise");
+    let clipped = whole.clone().with_grain(None).with_clips(Some(clips));
     let plain = on_the_plain_axis(&bare);
-    for (name, texture) in
-        [("with its grain and high-pass", &whole), ("the map alone", &bare), ("the thesis's kind", &plain)]
-    {
+    for (name, texture) in [
+        ("with its grain and high-pass", &whole),
+        ("with clips and its high-pass", &clipped),
+        ("the map alone", &bare),
+        ("the thesis's kind", &plain),
+    ] {
         voices(name, texture);
     }
     let filter = OPERATIONS * whole.ar_order();

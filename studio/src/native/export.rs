@@ -329,6 +329,10 @@ impl Site<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_surfaces::files::save;
+    use haptograph_surfaces::layers::Clips;
+    use haptograph_surfaces::provenance::LICENCE;
+    use haptograph_surfaces::{Origin, Surface};
 
     fn shipped(name: &str) -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
@@ -391,6 +395,28 @@ mod tests {
         assert!(replace(&site, &new, &old).is_err());
         assert!(site.join(SITE).is_file());
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1);
+    }
+
+    #[test]
+    fn clips_without_a_licence_are_not_given_to_everybody() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::copy(shipped("texturepad.ron"), folder.path().join("texturepad.ron")).expect("copied");
+        std::fs::create_dir(folder.path().join("surfaces")).expect("made");
+        let site = folder.path().join("site");
+        let options =
+            Export { graphs: vec![folder.path().join("texturepad.ron")], set: vec![], folder: site.clone() };
+        let mut surface = load(&shipped("surfaces/t2-canvas.ron")).expect("it ships");
+        let clips = Clips::new(&[0.3, -1.0, 0.2]).expect("an excitation");
+        surface.texture = surface.texture.map(|texture| texture.with_clips(Some(clips)));
+        surface.provenance.origin = Origin::Measured;
+        let path = folder.path().join("surfaces/t2-canvas.ron");
+        let exports = |surface: &Surface| {
+            save(surface, &path).expect("saved");
+            write_site(&options, &haptograph_nodes::registry(), b"a module").is_ok()
+        };
+        assert!(!exports(&surface) && !site.exists());
+        surface.provenance = surface.provenance.with_setting(LICENCE, "CC-BY-4.0");
+        assert!(exports(&surface));
     }
 
     #[test]
