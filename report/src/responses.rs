@@ -6,10 +6,11 @@ use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::{fixed, peak};
 use super::table::grid;
 use super::theme::Ink;
-use super::{figures, thinning::Decimated};
+use super::{figures, texture_map, thinning::Decimated};
 use haptograph_learning::evaluate::{Condition, Responses};
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
+use haptograph_surfaces::rendering::Trajectory;
 use haptograph_surfaces::{Tap, Taps, TextureModel};
 
 pub(super) fn section(texture: &TextureModel) -> String {
@@ -57,17 +58,36 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
     let inks = [Ink::Orange, Ink::Teal, Ink::Plum, Ink::Rose];
     let seconds = hand.speed_m_s.len() as f64 / hand.rate_hz;
     for ((condition, played), ink) in responses.played.iter().zip(inks) {
+        let along = condition.trajectory(hand, responses.centre);
+        let mut marks = beyond(texture, &along, loudest).into_iter().collect::<Vec<_>>();
+        marks.push(Mark::samples(Style::of(ink), hand.rate_hz, played, 1.0));
         plots.push(Plot {
             title: condition.symbol().into(),
             caption: what(*condition).to_owned(),
             x: Axis::of("Time (s)").over(0.0, seconds),
             y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
-            marks: vec![Mark::samples(Style::of(ink), hand.rate_hz, played, 1.0)],
+            marks,
             size: (0.0, 130.0),
             ..Plot::default()
         });
     }
     plots
+}
+
+/// The times at which a motion is faster or harder than what was recorded, as areas up to a height.
+fn beyond(texture: &TextureModel, along: &Trajectory, height: f64) -> Option<Mark> {
+    let (speed_mm_s, force_n) = texture_map::recorded(texture);
+    let both = along.speed_m_s.iter().zip(&along.force_n);
+    let is_beyond: Vec<bool> = both.map(|(v, f)| 1e3 * v > speed_mm_s || *f > force_n).collect();
+    let mut end_s = 0.0;
+    let spans = is_beyond.chunk_by(|a, b| a == b).filter_map(|run| {
+        let start_s = end_s;
+        end_s += run.len() as f64 / along.rate_hz;
+        let corners = [(start_s, -height), (end_s, -height), (end_s, height), (start_s, height)];
+        run[0].then(|| corners.to_vec())
+    });
+    let spans: Vec<_> = spans.collect();
+    (!spans.is_empty()).then(|| Mark::Areas(Style::named(Ink::Grey, "beyond what was recorded"), spans))
 }
 
 fn what(condition: Condition) -> &'static str {

@@ -59,14 +59,15 @@ fn on_surface(speed_mm_s: f64, force_n: f64) -> (f64, f64) {
 /// The largest speed in mm/s and force in N of the strokes and of the recording. The map itself extends far
 /// beyond.
 fn extent<'a>(texture: &TextureModel, strokes: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
-    let recorded = texture.models().iter().filter(|at| at.kind != VertexKind::Edge);
-    let recorded = recorded.map(|at| (at.speed_m_s * 1e3, at.force_n));
-    let (speed, force) = strokes
-        .copied()
-        .chain(recorded)
-        .fold((0.0_f64, 0.0_f64), |most, at| (most.0.max(at.0), most.1.max(at.1)));
+    let (speed, force) = strokes.fold(recorded(texture), |most, at| (most.0.max(at.0), most.1.max(at.1)));
     let or = |value: f64, whole: f64| if value > 0.0 { value } else { whole };
     (or(speed, texture.max_speed_m_s() * 1e3), or(force, texture.max_force_n()))
+}
+
+/// The largest speed in mm/s and force in N of models within what was recorded.
+pub(super) fn recorded(texture: &TextureModel) -> (f64, f64) {
+    let recorded = texture.models().iter().filter(|at| at.kind != VertexKind::Edge);
+    recorded.fold((0.0, 0.0), |most, at| (most.0.max(at.speed_m_s * 1e3), most.1.max(at.force_n)))
 }
 
 /// Explanation of the colours of models.

@@ -49,7 +49,7 @@ impl Condition {
 
     /// The trajectory that a texture is rendered along for the motion `hand`; `centre` holds the constant
     /// speed in m/s and force in N.
-    pub(crate) fn trajectory(self, hand: &Trajectory, centre: (f64, f64)) -> Trajectory {
+    pub fn trajectory(self, hand: &Trajectory, centre: (f64, f64)) -> Trajectory {
         let mut played = hand.clone();
         if matches!(self, Self::Force | Self::Neither) {
             let constant = |speed: &mut f64| *speed = if *speed < REST_M_S { 0.0 } else { centre.0 };
