@@ -45,7 +45,7 @@ pub fn learned(material: MaterialName, name: &str) -> Result<Surface, Box<dyn Er
     let gestures =
         [(Gesture::Drag, 10.0), (Gesture::Circle, 10.0), (Gesture::Tap, 10.0), (Gesture::Press, 6.0)];
     let take = |(gesture, seconds)| {
-        let session = SimulatedTake { material, gesture, person: 1, seconds, seed: 1 };
+        let session = SimulatedTake { material, gesture, from_rest: false, person: 1, seconds, seed: 1 };
         record(&session, &Arc::default(), &mut |_| ())
     };
     // Clips of each would be four times the rest of its file.

@@ -16,8 +16,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What is simulated: `haptograph simulate-recording --material T3 --motion drag --seconds 6 --seed 1`.
-const TAKE: SimulatedTake =
-    SimulatedTake { material: MaterialName::T3, gesture: Gesture::Drag, person: 1, seconds: 6.0, seed: 1 };
+const TAKE: SimulatedTake = SimulatedTake {
+    material: MaterialName::T3,
+    gesture: Gesture::Drag,
+    from_rest: false,
+    person: 1,
+    seconds: 6.0,
+    seed: 1,
+};
 const RATE_HZ: f64 = 2000.0;
 const HEAD: &str = "\
 # SIMULATED: no real material. haptograph simulate-recording --material T3 --motion drag --seconds 6 --seed 1

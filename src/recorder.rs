@@ -21,6 +21,8 @@ pub struct SimulatedTake {
     pub material: MaterialName,
     /// Movement of the tool.
     pub gesture: Gesture,
+    /// The material sticks and slips, and the strokes of a drag begin from rest.
+    pub from_rest: bool,
     /// Number of the simulated person; each number has its own hand, posture and habits.
     pub person: u64,
     /// Duration, s.
@@ -67,6 +69,7 @@ pub fn record(
     let set = [
         ("material", take.material.as_str().to_owned()),
         ("motion", motion.to_owned()),
+        ("from_rest", take.from_rest.to_string()),
         ("person", take.person.to_string()),
     ];
     let options = CheckOptions::default().seed(take.seed);

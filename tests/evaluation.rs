@@ -24,7 +24,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 fn take(material: MaterialName, person: u64, seed: u64) -> Take {
-    let session = SimulatedTake { material, gesture: Gesture::Drag, person, seconds: 10.0, seed };
+    let session =
+        SimulatedTake { material, gesture: Gesture::Drag, from_rest: false, person, seconds: 10.0, seed };
     let recording = record(&session, &Arc::default(), &mut |_| ()).unwrap();
     let name = RecordingName {
         material: material.as_str().to_owned(),

@@ -96,7 +96,14 @@ fn spread(values: &[f64]) -> f64 {
 fn taps_of_every_material_and_person_begin_at_contact() {
     for (material, _, name) in SHIPPED {
         for seed in 1..=3 {
-            let session = SimulatedTake { material, gesture: Gesture::Tap, person: seed, seconds: 6.0, seed };
+            let session = SimulatedTake {
+                material,
+                gesture: Gesture::Tap,
+                from_rest: false,
+                person: seed,
+                seconds: 6.0,
+                seed,
+            };
             let recording = record(&session, &Arc::default(), &mut |_| ()).unwrap();
             let peaks_ms = peaks_ms(&recording);
             assert!(peaks_ms.len() >= 3, "{name}, {seed}: {peaks_ms:?}");
@@ -135,7 +142,14 @@ const FROZEN_DB: [[f64; 3]; 6] = [
 #[test]
 fn simulated_materials_vibrate_as_they_did_when_they_were_measured() {
     for ((material, _, name), frozen) in SHIPPED.into_iter().zip(FROZEN_DB) {
-        let session = SimulatedTake { material, gesture: Gesture::Drag, person: 1, seconds: 2.0, seed: 1 };
+        let session = SimulatedTake {
+            material,
+            gesture: Gesture::Drag,
+            from_rest: false,
+            person: 1,
+            seconds: 2.0,
+            seed: 1,
+        };
         let recording = record(&session, &Arc::default(), &mut |_| ()).unwrap();
         let AnyRecording::Raw(raw) = recording else {
             panic!("a recorder's recordings are raw");

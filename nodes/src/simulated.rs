@@ -4,6 +4,7 @@
 pub(crate) mod accelerometer;
 pub(crate) mod acting;
 pub(crate) mod arm;
+pub(crate) mod bristles;
 pub mod compensation;
 pub(crate) mod drawing;
 pub(crate) mod force_sensor;

@@ -11,8 +11,8 @@ use super::svg::escape;
 use super::theme::Ink;
 use super::{figures, loci, responses, texture_map};
 use fits::{contacts, friction, stiffness};
-use haptograph_learning::learn::LearningReport;
 use haptograph_learning::learn::texture::{Fate, SegmentReport, TextureReport};
+use haptograph_learning::learn::{LearningReport, OnsetShown};
 use haptograph_learning::recording::ProcessedRecording;
 use haptograph_surfaces::provenance::VIBRATION_UNIT;
 use haptograph_surfaces::rendering::synthesise;
@@ -67,6 +67,9 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
             sections.push(("Recorded and synthesised", recorded_and_synthesised(surface, texture, drag)));
         }
         sections.push(("Response to force and speed", responses::section(texture)));
+    }
+    if let Some(Ok(onset)) = &report.onset {
+        sections.push(("Onset", figures_of(&onsets(surface, onset))));
     }
     if let Some(found) = &report.friction {
         sections.push(("Friction", figures_of(&[friction(found)])));
@@ -263,6 +266,21 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
         ),
         ..Plot::default()
     }
+}
+
+/// One stroke from rest, as recorded and as rendered.
+fn onsets(surface: &Surface, onset: &OnsetShown) -> [Plot; 2] {
+    let loudest = 1.05 * peak(&onset.recorded).max(peak(&onset.rendered));
+    let both = [("Recorded", Ink::Blue, &onset.recorded), ("Synthesised", Ink::Orange, &onset.rendered)];
+    both.map(|(title, ink, samples)| Plot {
+        title: title.into(),
+        x: Axis::of("Time (s)").over(0.0, samples.len() as f64 / onset.rate_hz),
+        y: Axis::of(format!("Vibration ({})", unit(surface))).over(-loudest, loudest),
+        marks: vec![Mark::samples(Style::named(ink, "vibration"), onset.rate_hz, samples, 1.0)],
+        size: (0.0, 170.0),
+        caption: "The tool stuck, and breaks away at 0.05 s.".into(),
+        ..Plot::default()
+    })
 }
 
 /// The unit of the recorded vibrations, which one of another unit leaves open.

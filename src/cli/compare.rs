@@ -97,6 +97,8 @@ struct Measures {
     lsd_pacinian_db: f64,
     misplaced: f64,
     nse: f64,
+    /// Levels of both in the first 100 ms of strokes from rest over their slides, from 20 to 60, 150 and 350 Hz, dB.
+    onset_levels_db: Option<[[f64; 3]; 2]>,
     pe: f64,
     rate_hz: f64,
     reason: Option<&'static str>,
@@ -216,6 +218,7 @@ fn measures(
         lsd_pacinian_db: errors.pacinian_lsd_db,
         misplaced: errors.misplaced,
         nse: windows.nse,
+        onset_levels_db: onset_levels_db([a, b], motions, rate_hz),
         pe: windows.pe,
         rate_hz,
         reason: sd.is_none().then_some(NO_SD),
@@ -238,6 +241,15 @@ fn level_references([a, b]: [&[f64]; 2], motions: &[Motion; 2], rate_hz: f64) ->
         Some((unexplained_db, envelope_between_seeds_db(signal, rate_hz)))
     };
     of(b, &motions[1]).or_else(|| of(a, &motions[0]))
+}
+
+/// The levels of both signals' onsets, where one has a motion with strokes from rest: the other's is its own, if it has one.
+fn onset_levels_db(signals: [&[f64]; 2], motions: &[Motion; 2], rate_hz: f64) -> Option<[[f64; 3]; 2]> {
+    let of = |own: usize| {
+        let [speed_m_s, force_n] = motions[own].as_ref().or(motions[1 - own].as_ref())?;
+        Some(crate::learning::metrics::onset_levels_db(signals[own], speed_m_s, force_n, rate_hz)?.1)
+    };
+    Some([of(0)?, of(1)?])
 }
 
 /// Errors of the fluctuation, as shown.
@@ -299,6 +311,10 @@ impl Measures {
             ("levels over 50 ms", levels),
         ];
         shown.extend(fluctuation(self.fluctuation));
+        if let Some([a, b]) = self.onset_levels_db {
+            let levels = |levels: [f64; 3]| levels.map(|level| format!("{level:.1}")).join(", ");
+            shown.push(("onsets over slides, three bands", format!("{} and {} dB", levels(a), levels(b))));
+        }
         shown.extend([
             ("normalized spectral error (NSE)", number(self.nse)),
             ("power error (PE)", number(self.pe)),

@@ -23,6 +23,9 @@ pub(super) struct Arguments {
     /// The gesture: drag for textures, circle for friction, tap for taps, press for stiffness
     #[arg(long, value_parser = motions())]
     motion: Gesture,
+    /// Let the material stick and slip, and begin the strokes of a drag from rest
+    #[arg(long)]
+    from_rest: bool,
     /// Number of the simulated person; each has its own hand, posture and habits
     #[arg(long, default_value_t = 1)]
     person: u64,
@@ -69,6 +72,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let take = SimulatedTake {
         material: arguments.material,
         gesture: arguments.motion,
+        from_rest: arguments.from_rest,
         person: arguments.person,
         seconds: arguments.seconds,
         seed: arguments.seed,

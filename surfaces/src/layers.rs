@@ -11,19 +11,20 @@
 pub mod clips;
 pub mod grain;
 pub mod lines;
+pub mod onset;
 mod spectrum;
 mod voices;
 
 pub use clips::Clips;
 pub use grain::Grain;
 pub use lines::SpatialLine;
+pub use onset::Onset;
 pub(crate) use spectrum::{SpectrumBank, SpectrumVoice};
 pub use voices::LayerVoices;
 
 use crate::files::native;
 use crate::rendering::Block;
-use crate::triangulation::Triangle;
-use crate::{ModelAt, TextureError, TextureModel};
+use crate::{ModelAt, Spot, TextureError, TextureModel};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::any::Any;
@@ -31,7 +32,7 @@ use std::fmt::{self, Debug, Display};
 use std::sync::Arc;
 
 /// All layers, in the order of their components in a frame of coefficients.
-pub const LAYERS: &[LayerKind] = &[clips::KIND, grain::KIND, lines::KIND];
+pub const LAYERS: &[LayerKind] = &[clips::KIND, grain::KIND, lines::KIND, onset::KIND];
 
 /// The type of a layer.
 #[derive(Debug, Clone, Copy)]
@@ -88,9 +89,9 @@ pub trait Layer: Any + Debug + Send + Sync {
         None
     }
 
-    /// Writes the components at a mix of three models by number. Real-time code; numbers of no model count as silent.
-    fn interpolate(&self, models: Triangle, weights: [f64; 3], into: &mut [f64]) {
-        let _ = (models, weights, into);
+    /// Writes the components at a place on the map. Real-time code; numbers of no model count as silent.
+    fn interpolate(&self, spot: &Spot, into: &mut [f64]) {
+        let _ = (spot, into);
     }
 
     /// A voice at rest.
@@ -163,7 +164,7 @@ pub trait LayerSet {
 pub(crate) enum BuiltIn {}
 
 impl LayerSet for BuiltIn {
-    const KINDS: &'static [LayerKind] = &[clips::KIND, grain::KIND, lines::KIND, grain::CRACKLE];
+    const KINDS: &'static [LayerKind] = &[clips::KIND, grain::KIND, lines::KIND, onset::KIND, grain::CRACKLE];
 }
 
 /// Parses a field's value, of which `layer` makes the layer.
@@ -280,12 +281,12 @@ impl TextureModel {
         self.layers.iter().map(|layer| &**layer)
     }
 
-    /// The [`COMPONENTS`] of its layers at a mix of three models by number; `None` if its layers have none. Real-time code.
-    pub fn interpolate_layers(&self, models: Triangle, weights: [f64; 3]) -> Option<[f64; COMPONENTS]> {
+    /// The [`COMPONENTS`] of its layers at a place on the map; `None` if its layers have none. Real-time code.
+    pub fn interpolate_layers(&self, spot: &Spot) -> Option<[f64; COMPONENTS]> {
         let (mut components, mut any) = ([0.0; COMPONENTS], None);
         for layer in self.layers() {
             if let Some(place) = layer.kind().place().filter(|place| !place.is_empty()) {
-                layer.interpolate(models, weights, &mut components[place]);
+                layer.interpolate(spot, &mut components[place]);
                 any = Some(());
             }
         }

@@ -33,6 +33,6 @@ pub use interpolation::{Coefficients, Interpolator, Spot};
 pub use layers::{Grain, SpatialLine};
 pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};
-pub use surface::{Friction, Stiffness, Surface, SurfaceError};
+pub use surface::{Friction, StaticPeak, Stiffness, Surface, SurfaceError};
 pub use taps::{Tap, Taps};
 pub use texture::{ModelAt, TextureError, TextureModel, VertexKind};

@@ -46,6 +46,47 @@ impl Surface {
 pub struct Friction {
     mu: f64,
     r_squared: Option<f64>,
+    peak: Option<StaticPeak>,
+}
+
+/// How much larger friction is where the tool sticks: the factor `1 + (ratio - 1) exp(-(v / v_s)²)` on its coefficient at the speed v
+/// (Stribeck's curve, as in Canudas de Wit and others 1995).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StaticPeak {
+    ratio: f64,
+    stribeck_m_s: f64,
+}
+
+impl StaticPeak {
+    /// Largest ratio.
+    pub(crate) const MOST: f64 = 10.0;
+
+    /// Static over kinetic friction, from 1 to 10, and the Stribeck speed v_s, m/s, above 0.
+    pub fn new(ratio: f64, stribeck_m_s: f64) -> Result<Self, SurfaceError> {
+        let sound =
+            (1.0..=Self::MOST).contains(&ratio) && stribeck_m_s > 0.0 && stribeck_m_s <= MAX_SPEED_M_S;
+        if sound {
+            Ok(Self { ratio, stribeck_m_s })
+        } else {
+            Err(SurfaceError::StaticPeak { ratio, stribeck_m_s })
+        }
+    }
+
+    /// Static over kinetic friction.
+    pub fn ratio(&self) -> f64 {
+        self.ratio
+    }
+
+    /// The Stribeck speed, m/s.
+    pub fn stribeck_m_s(&self) -> f64 {
+        self.stribeck_m_s
+    }
+
+    /// The factor on the coefficient at a speed, m/s; 1 if that is not a number.
+    pub fn factor(&self, speed_m_s: f64) -> f64 {
+        let part = (-(speed_m_s / self.stribeck_m_s).powi(2)).exp();
+        if part.is_finite() { 1.0 + (self.ratio - 1.0) * part } else { 1.0 }
+    }
 }
 
 impl Friction {
@@ -59,8 +100,18 @@ impl Friction {
             Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => {
                 Err(SurfaceError::RSquared { what: "friction", r_squared })
             }
-            _ => Ok(Friction { mu, r_squared }),
+            _ => Ok(Friction { mu, r_squared, peak: None }),
         }
+    }
+
+    /// The same with a static peak.
+    pub fn with_peak(self, peak: Option<StaticPeak>) -> Self {
+        Self { peak, ..self }
+    }
+
+    /// How much larger it is where the tool sticks, if known.
+    pub fn peak(&self) -> Option<StaticPeak> {
+        self.peak
     }
 
     /// The friction coefficient.
@@ -119,6 +170,16 @@ pub enum SurfaceError {
     FrictionCoefficient {
         /// The value given.
         mu: f64,
+    },
+    /// A static peak out of range.
+    #[error(
+        "the static friction is {ratio} of the kinetic, with a Stribeck speed of {} mm/s; the ratio must be from 1 to {}, the speed above 0", 1000.0 * stribeck_m_s, StaticPeak::MOST
+    )]
+    StaticPeak {
+        /// Static over kinetic friction.
+        ratio: f64,
+        /// The Stribeck speed, m/s.
+        stribeck_m_s: f64,
     },
     /// The stiffness is not positive or not finite.
     #[error("the stiffness is {n_per_mm} N/mm; it must be a finite number above 0 (leave it out if unknown)")]
@@ -213,6 +274,10 @@ mod tests {
         assert!(Friction::new(-0.1, None).is_err());
         assert!(Friction::new(f64::NAN, None).is_err());
         assert!(Friction::new(0.3, Some(1.1)).is_err());
+        assert!(StaticPeak::new(0.9, 0.01).is_err() && StaticPeak::new(1.5, 0.0).is_err());
+        assert!(StaticPeak::new(f64::NAN, 0.01).is_err());
+        let peak = StaticPeak::new(1.5, 0.01).unwrap();
+        assert!(peak.factor(0.0) == 1.5 && peak.factor(0.1) < 1.0001 && peak.factor(f64::NAN) == 1.0);
         assert!(Stiffness::new(0.0, None).is_err());
         assert!(Stiffness::new(f64::INFINITY, None).is_err());
         assert_eq!(Stiffness::new(42.2, Some(0.99)).unwrap().n_per_m(), 42_200.0);

@@ -13,8 +13,7 @@ use haptograph_surfaces::rendering::{
     RandomWalk, Synthesis, SynthesisSettings, Voice, synthesise, synthesise_many,
 };
 use haptograph_surfaces::resampling::{Method, resample};
-use haptograph_surfaces::triangulation::Triangle;
-use haptograph_surfaces::{ArmaModel, ModelAt, Origin, Provenance, Surface, TextureModel, VertexKind};
+use haptograph_surfaces::{ArmaModel, ModelAt, Origin, Provenance, Spot, Surface, TextureModel, VertexKind};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::fmt::{self, Write};
@@ -74,8 +73,13 @@ impl Layer for Hum {
         Some(Arc::new(Self { period: self.period * to_hz / from_hz, ..self.clone() }))
     }
 
-    fn interpolate(&self, models: Triangle, weights: [f64; 3], into: &mut [f64]) {
-        into[0] = models.iter().zip(weights).map(|(model, w)| w * self.amplitudes[*model as usize]).sum();
+    fn interpolate(&self, spot: &Spot, into: &mut [f64]) {
+        into[0] = spot
+            .vertices
+            .iter()
+            .zip(spot.weights)
+            .map(|(model, w)| w * self.amplitudes[*model as usize])
+            .sum();
     }
 
     fn voice(&self, _: RenderRates, _: u64) -> Box<dyn LayerVoice> {
@@ -233,7 +237,9 @@ fn layers_are_interpolated_and_resampled() {
     let texture = layered();
     let hum: &Hum = texture.layer().unwrap();
     let mut amplitude = [0.0];
-    hum.interpolate([0, 1, 2], [0.25, 0.25, 0.5], &mut amplitude);
+    let spot =
+        Spot { speed_m_s: 0.1, force_n: 1.0, triangle: 0, vertices: [0, 1, 2], weights: [0.25, 0.25, 0.5] };
+    hum.interpolate(&spot, &mut amplitude);
     let of = |model: usize| hum.amplitudes[model];
     assert_eq!(amplitude, [0.25 * of(0) + 0.25 * of(1) + 0.5 * of(2)]);
     let slow = resample(&texture, 2500.0, Method::Spectral).unwrap().texture;
@@ -281,8 +287,8 @@ impl Layer for NamedAsLines {
         self.0.write(out)
     }
 
-    fn interpolate(&self, models: Triangle, weights: [f64; 3], into: &mut [f64]) {
-        self.0.interpolate(models, weights, into);
+    fn interpolate(&self, spot: &Spot, into: &mut [f64]) {
+        self.0.interpolate(spot, into);
     }
 
     fn voice(&self, rates: RenderRates, seed: u64) -> Box<dyn LayerVoice> {
@@ -316,6 +322,8 @@ fn a_layer_without_components_in_a_frame_gets_zeros() {
 fn a_layer_named_as_another_gets_none_of_its_components() {
     let hum = Hum { period: 40.0, amplitudes: vec![3.0; bare().models().len()] };
     let texture = bare().with_layer(Arc::new(NamedAsLines(hum))).unwrap();
-    assert_eq!(texture.interpolate_layers([0, 1, 2], [0.25, 0.25, 0.5]), None);
+    let spot =
+        Spot { speed_m_s: 0.1, force_n: 1.0, triangle: 0, vertices: [0, 1, 2], weights: [0.25, 0.25, 0.5] };
+    assert_eq!(texture.interpolate_layers(&spot), None);
     assert_eq!(of_a_frame(&texture), [0.0; 100]);
 }

@@ -16,13 +16,17 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 const BUDGETS: [(&str, usize, usize); 10] = [
     ("signal", 5_810, 4_800),
     ("engine", 19_470, 15_500),
-    ("surfaces", 7_180, 6_000),
-    ("learning", 14_900, 9_500),
-    ("nodes", 14_210, 13_000),
+    // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks.
+    ("surfaces", 7_540, 6_000),
+    // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
+    // their files; 170 for clips.
+    ("learning", 15_380, 9_500),
+    // 155 for materials that stick and slip, strokes from rest, and static friction.
+    ("nodes", 14_365, 13_000),
     ("live", 6_510, 6_000),
-    ("report", 7_704, 6_000),
+    ("report", 7_740, 6_000),
     ("studio", 5_250, 3_300),
-    ("src", 9_210, 6_300),
+    ("src", 9_230, 6_300),
     ("bindings", 3_450, 3_100),
 ];
 
@@ -31,9 +35,9 @@ const BUDGETS: [(&str, usize, usize); 10] = [
 const PUBLIC: [(&str, usize); 10] = [
     ("signal", 365),
     ("engine", 726),
-    ("surfaces", 366),
-    ("learning", 373),
-    ("nodes", 410),
+    ("surfaces", 386),
+    ("learning", 379),
+    ("nodes", 411),
     ("live", 228),
     ("report", 147),
     ("studio", 50),

@@ -1,7 +1,7 @@
 //! Learns a surface from recordings (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
-//! recordings ──► processing ─┬► windows ──► law, lines, clips or grain ──┐
+//! recordings ──► processing ─┬► windows ──► law, lines, clips, onset ────┐
 //!                            └► segmentation ──► texture ────────────────┤   (the thesis's)
 //!      circle or drag ──► friction ──────────────────────────────────────┤
 //!                 tap ──► taps ──────────────────────────────────────────┼──► Surface
@@ -10,6 +10,7 @@
 //!
 //! [`learn`] runs all of it. The result depends only on recordings and settings, to the bit.
 
+pub(crate) mod breakaway;
 pub(crate) mod cells;
 mod clips;
 mod correction;
@@ -30,6 +31,7 @@ pub mod taps;
 pub mod texture;
 mod whitening;
 
+pub use breakaway::{NoOnset, OnsetShown};
 pub use coverage::coverage;
 pub use method::TextureMethod;
 pub use pipeline::{LearnError, LearnSettings, LearningReport, NarrowBand, learn};

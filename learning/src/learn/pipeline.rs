@@ -1,5 +1,6 @@
 //! Learns the parts of a surface from the available recordings.
 
+use super::breakaway::{NoOnset, OnsetShown, WithOnset, learn_with_onset, static_peak};
 use super::friction::{FrictionError, FrictionFit, FrictionReport, FrictionSettings, learn_friction};
 use super::law::LawSettings;
 use super::method::TextureMethod;
@@ -35,10 +36,12 @@ pub struct LearnSettings {
 /// Intermediate results, by which the quality of a surface can be judged.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LearningReport {
-    /// The processed drag recordings to which [`TextureReport::segments`] refer.
+    /// The processed drag recordings to which [`TextureReport::segments`] refer; without the onsets, if the texture has one.
     pub drags: Vec<ProcessedRecording>,
     /// Segments, models and outliers.
     pub texture: Option<TextureReport>,
+    /// One stroke from rest, or why the texture has no onset.
+    pub onset: Option<Result<OnsetShown, NoOnset>>,
     /// Forces and the line through them.
     pub friction: Option<FrictionReport>,
     /// Contacts.
@@ -203,16 +206,20 @@ pub fn learn(
         let settings = &mut surface.provenance.settings;
         settings.insert(HIGHEST_HZ.to_owned(), band.highest_hz().to_string());
     }
-    report.drags = drags(recordings, settings, progress)?;
-    if !report.drags.is_empty() {
+    let drags = drags(recordings, settings, progress)?;
+    if !drags.is_empty() {
         let advance = |part| progress(0.3 + 0.5 * part);
-        let (texture, found) = settings.texture.learn(&report.drags, &advance)?;
+        let learned = learn_with_onset(&settings.texture, &drags, &advance)?;
+        let WithOnset { texture, report: found, slides: cut, onset } = learned;
         (surface.texture, report.texture) = (Some(texture), Some(found));
+        (report.onset, report.drags) = (Some(onset), cut.unwrap_or_else(|| drags.clone()));
     }
     progress(0.8);
     let missing = &mut report.missing;
     let friction = learned_friction(recordings, settings).transpose();
     (surface.friction, report.friction) = or_missing(friction, "friction", missing).unzip();
+    surface.friction =
+        surface.friction.map(|friction| friction.with_peak(static_peak(&drags, friction.mu())));
     progress(0.9);
     let taps: Vec<_> = of(Gesture::Tap).map(|(_, recording)| recording).collect();
     if !taps.is_empty() {
@@ -304,6 +311,9 @@ fn or_missing<T>(
         "friction" => (Gesture::Circle, "record 10 s of smooth circles with varying force"),
         "taps" => {
             (Gesture::Tap, "record single taps at different speeds, with the tool in the air before each")
+        }
+        "onset" => {
+            (Gesture::Drag, "record 20 s of strokes, with the tool held still on the surface before each")
         }
         _ => (Gesture::Press, "record one slow press beyond 3 N with all sensors"),
     };

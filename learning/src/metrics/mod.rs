@@ -17,6 +17,7 @@ pub(crate) mod multitaper;
 mod pairs;
 pub(crate) mod responsiveness;
 pub mod spectral;
+pub(crate) mod strokes;
 
 pub use bands::{Band, BandErrors, BandPowers, Bands, log_spectral_distance};
 pub use fluctuation::{Fluctuation, FluctuationErrors};
@@ -25,6 +26,7 @@ pub use pairs::{all_pairs, pair_index};
 pub use spectral::{
     Deviations, ErrorStatistics, MetricError, PairErrors, Pooling, WindowSettings, WindowedSpectra, compare,
 };
+pub use strokes::onset_levels_db;
 
 #[cfg(test)]
 mod tests;

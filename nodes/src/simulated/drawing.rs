@@ -20,6 +20,8 @@ haptograph_engine::choices! {
         Writing(WritingSettings),
         /// Aimless exploration of a square.
         Wander(WanderSettings),
+        /// Straight strokes, each from rest.
+        FromRest(FromRestSettings),
         /// A path from a CSV file.
         Path(PathSettings),
     }
@@ -44,6 +46,14 @@ haptograph_engine::settings! {
         height_mm: Millimetres = Millimetres(40.0), in 0.0..=10_000.0;
         /// Time of one to-and-fro, s.
         period_s: f64 = 1.0, in 0.01..=10_000.0;
+    }
+}
+
+haptograph_engine::settings! {
+    /// Strokes from rest.
+    pub struct FromRestSettings {
+        /// Side of the square, mm.
+        side_mm: Millimetres = Millimetres(60.0), in 0.001..=10_000.0;
     }
 }
 
@@ -122,6 +132,7 @@ fn shape(stroke: &Drawing) -> Result<StrokeShape, BuildError> {
         Drawing::Writing(writing) => {
             StrokeShape::Writing { letter_m: writing.letter_mm.si(), line_m: writing.line_mm.si() }
         }
+        Drawing::FromRest(strokes) => StrokeShape::FromRest { side_m: strokes.side_mm.si() },
         Drawing::Wander(wander) => {
             StrokeShape::Wander { side_m: wander.side_mm.si(), fastest_hz: wander.fastest_hz }
         }

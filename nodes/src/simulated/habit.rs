@@ -15,8 +15,8 @@ const LONG_S: f64 = 40_000.0;
 const PRESS_S_PER_N: f64 = 1.2;
 
 /// Actions of a person for a motion. A machine makes the press, the same for every person: once down to `press_n` and up
-/// again, 5 N within six seconds.
-pub(crate) fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSettings {
+/// again, 5 N within six seconds. A drag `from_rest` stops before each stroke.
+pub(crate) fn habit(motion: &Motion, person: u64, press_n: f64, from_rest: bool) -> ScriptSettings {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(person, "habit"));
     let mut around = || 1.15_f64.powf(rng.random_range(-1.0..1.0));
     let (size, pace, force) = (around(), around(), around());
@@ -26,7 +26,10 @@ pub(crate) fn habit(motion: &Motion, person: u64, press_n: f64) -> ScriptSetting
     };
     let actions = match motion {
         Motion::Drag => {
-            let shape = StrokeShape::Wander { side_m: 0.045 * size, fastest_hz: 0.7 * pace };
+            let shape = match from_rest {
+                true => StrokeShape::FromRest { side_m: 0.08 * size },
+                false => StrokeShape::Wander { side_m: 0.045 * size, fastest_hz: 0.7 * pace },
+            };
             vec![draw(shape, 1.2 * force, 0.45, 0.25)]
         }
         Motion::Circle => {

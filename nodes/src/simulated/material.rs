@@ -17,6 +17,8 @@ pub struct Material {
     pub damping_s_per_m: f64,
     /// Coefficient of kinetic friction.
     pub friction: f64,
+    /// Static over kinetic friction after 1 s at rest, of a tool that sticks and slips.
+    pub static_ratio: f64,
 }
 
 /// Names of the materials.
@@ -64,15 +66,15 @@ const TABLE: [[f64; 4]; 6] = [
     [0.2842, 15.07, 0.49, 1.18],
     [0.3400, 26.00, 0.42, 0.65],
 ];
-/// Spread of the spectrum, grain, contact damping in s/m. Ours: weaves (canvas, silk) are nearly periodic, mouldings less, and the
+/// Spread of the spectrum, grain, contact damping in s/m, static friction over kinetic. Ours: weaves (canvas, silk) are nearly periodic, mouldings less, and the
 /// bumps of a tile or the grain of vinyl come in all sizes.
-const CHARACTER: [[f64; 3]; 6] = [
-    [0.50, 0.05, 1.5],
-    [0.20, 0.05, 3.0],
-    [0.80, 0.03, 2.0],
-    [0.20, 0.08, 2.0],
-    [0.70, 0.06, 4.0],
-    [0.35, 0.02, 2.5],
+const CHARACTER: [[f64; 4]; 6] = [
+    [0.50, 0.05, 1.5, 1.5],
+    [0.20, 0.05, 3.0, 1.8],
+    [0.80, 0.03, 2.0, 2.0],
+    [0.20, 0.08, 2.0, 1.6],
+    [0.70, 0.06, 4.0, 2.4],
+    [0.35, 0.02, 2.5, 2.2],
 ];
 /// The table's smoothest surface stands for this height as the tip traces it, m. Ours: with it the six vibrate between half a
 /// metre and some metres a second squared, as the public models of such materials do.
@@ -83,13 +85,14 @@ impl Material {
     /// between five and six times as high as the smoothest.
     pub fn of(name: MaterialName) -> Self {
         let [roughness, stiffness_n_per_mm, friction, fineness_per_mm] = TABLE[name as usize];
-        let [spread, grain, damping_s_per_m] = CHARACTER[name as usize];
+        let [spread, grain, damping_s_per_m, static_ratio] = CHARACTER[name as usize];
         let rms_m = SMOOTHEST_M * (roughness / 0.2776_f64).powi(6);
         Self {
             relief: Relief { rms_m, fineness_per_m: 1e3 * fineness_per_mm, spread, grain },
             stiffness_n_per_m: 1e3 * stiffness_n_per_mm,
             damping_s_per_m,
             friction,
+            static_ratio,
         }
     }
 

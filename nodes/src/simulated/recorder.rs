@@ -48,6 +48,8 @@ haptograph_engine::settings! {
         material: String = "T2".to_owned();
         /// The gesture: Drag, Circle, Tap, or the Press of a testing machine.
         motion: Motion = Motion::Drag;
+        /// Friction sticks and slips, and the strokes of a Drag begin from rest. The static friction is ours.
+        from_rest: bool = false;
         /// Force to which a Press goes, N; 10 in the thesis.
         press_n: f64 = 5.0, in 0.1..=30.0;
         /// The person: each number has its own hand, posture and habits.
@@ -72,7 +74,7 @@ impl DeviceKind for SimulatedRecordingTool {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedRecordingTool",
         doc: "A rigid tool in a simulated hand, its tip dragged over a procedural height field: masses, springs, dampers, a \
-              Hertzian contact and Coulomb friction; no stored vibration, no model of a texture. It ticks at 10 kHz. The graph's \
+              Hertzian contact and Coulomb friction, or bristles that stick and slip; no stored vibration, no model of a texture. It ticks at 10 kHz. The graph's \
               seed is the piece of the material and the attempt.",
         source: "2.2",
         simulated: true,
@@ -100,14 +102,18 @@ impl DeviceKind for SimulatedRecordingTool {
         let (motion, person) = (settings.motion, settings.person);
         let grip = if motion == Motion::Press { ToolGrip::LOAD_FRAME } else { ToolGrip::of_person(person) };
         let seed = stream_seed(cx.seed, &format!("{}/{person}/{}", name.as_str(), motion.gesture().as_str()));
+        let (material, from_rest) = (Material::of(name), settings.from_rest);
         let mut tool = SimulatedTool::new(
-            &Material::of(name),
+            &material,
             grip,
-            &habit(&motion, person, settings.press_n),
+            &habit(&motion, person, settings.press_n, from_rest),
             SUBSTEPS,
             seed,
         )
         .map_err(|error| BuildError::at("motion", error.to_string()))?;
+        if from_rest {
+            tool = tool.sticking(&material);
+        }
         if motion != Motion::Press {
             (0..(LEAD_S * TOOL_RATE_HZ) as usize).for_each(|_| tool.advance());
         }

@@ -2,7 +2,8 @@
 //! one. Two people (seeds) drawing the same shape differ in pace, size and pressure.
 
 use super::wobble::Wobble;
-use rand::SeedableRng;
+use haptograph_signal::noise::stream_seed;
+use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -45,6 +46,11 @@ pub(crate) enum StrokeShape {
         side_m: f64,
         /// Fastest oscillation, Hz.
         fastest_hz: f64,
+    },
+    /// Straight strokes over a square, each from rest: the tip stays down for 0.08 to 0.6 s before it.
+    FromRest {
+        /// Side of the square, m.
+        side_m: f64,
     },
     /// A recorded path; past its end the tip is lifted.
     Recorded(Arc<Trajectory>),
@@ -99,6 +105,7 @@ pub(crate) struct Stroke {
     force: Wobble,
     size: [Wobble; 2],
     wander: [Wobble; 2],
+    seed: u64,
 }
 
 impl Stroke {
@@ -116,6 +123,7 @@ impl Stroke {
             size: [(); 2].map(|()| Wobble::new(0.05, 0.5, &mut rng)),
             wander: [(); 2].map(|()| Wobble::new(0.1 * fastest_hz, fastest_hz, &mut rng)),
             settings,
+            seed,
         })
     }
 
@@ -152,6 +160,7 @@ impl Stroke {
             StrokeShape::Wander { side_m, .. } => {
                 (Wobble::at(self.wander.each_ref(), t).map(|wander| 0.5 * side_m * wander), 1.0, 0.0)
             }
+            StrokeShape::FromRest { side_m } => (from_rest(t, self.seed).map(|x| side_m * x), 1.0, 0.0),
         }
     }
 }
@@ -166,6 +175,19 @@ pub(crate) fn minimum_jerk(u: f64) -> f64 {
 fn to_and_fro(u: f64) -> f64 {
     let phase = u.rem_euclid(1.0);
     if phase < 0.5 { minimum_jerk(2.0 * phase) } else { 1.0 - minimum_jerk(2.0 * phase - 1.0) }
+}
+
+/// Straight movements between random places of the square from -0.5 to 0.5, one a second, each after a rest of random length.
+fn from_rest(t: f64, seed: u64) -> [f64; 2] {
+    const STROKE_S: f64 = 1.0;
+    let number = (t / STROKE_S).floor().max(0.0);
+    let of = |number: f64| -> [f64; 3] {
+        Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "rest") ^ number as u64).random()
+    };
+    let ([x, y, rest], [next_x, next_y, _]) = (of(number), of(number + 1.0));
+    let rest_s = 0.08 * (0.6_f64 / 0.08).powf(rest);
+    let way = minimum_jerk((t - number * STROKE_S - rest_s) / (STROKE_S - rest_s));
+    [x + way * (next_x - x) - 0.5, y + way * (next_y - y) - 0.5]
 }
 
 /// Words of loops along a line, then the next line below, four lines in all.
@@ -228,6 +250,7 @@ fn check(settings: &StrokeSettings) -> Result<(), StrokeError> {
         StrokeShape::Writing { letter_m, line_m } => {
             positive("letter_m", letter_m).and(positive("line_m", line_m))
         }
+        StrokeShape::FromRest { side_m } => positive("side_m", side_m),
         StrokeShape::Wander { side_m, fastest_hz } => {
             positive("side_m", side_m).and(positive("fastest_hz", fastest_hz))
         }

@@ -1,9 +1,10 @@
 //! A simulated recording tool (2.2): a rigid tool in a hand, its tip dragged over a height field.
 //!
 //! The tool hangs by the finger pads on the hand, the hand follows its script. The tip meets the terrain by a Hertzian law with
-//! Hunt and Crossley's damping along the terrain's own normal, and by Coulomb friction with a short spring of its own. No
-//! filter, no stored vibration: the measured acceleration results from the mechanics.
+//! Hunt and Crossley's damping along the terrain's own normal, and by Coulomb friction with a short spring of its own, or by bristles
+//! that stick and slip. No filter, no stored vibration: the measured acceleration results from the mechanics.
 
+use super::bristles::Bristles;
 use super::hand::Grip;
 use super::material::Material;
 use super::orientation::{conjugate, rotate, tilted};
@@ -24,6 +25,7 @@ const GRAVITY_M_S2: f64 = 9.81;
 const TOOL_KG: f64 = 0.015;
 /// Stiffness across a tool over that along it: pads that hold it over 15 mm have a lever of 43 mm against them.
 const ACROSS: f64 = (15.0 / 43.0) * (15.0 / 43.0);
+
 /// Distance over which friction builds up, m.
 const PRESLIDING_M: f64 = 3e-5;
 
@@ -116,6 +118,8 @@ pub(crate) struct SimulatedTool {
     tip: Body,
     hand: Body,
     bristle_m: [f64; 2],
+    /// Friction that sticks and slips, in place of Coulomb's.
+    sticking: Option<Bristles>,
     reading: ToolReading,
 }
 
@@ -166,6 +170,7 @@ impl SimulatedTool {
             tip: rest,
             hand: rest,
             bristle_m: [0.0; 2],
+            sticking: None,
             reading: ToolReading {
                 tip_m: rest.position_m,
                 velocity_m_s: ZERO,
@@ -176,6 +181,11 @@ impl SimulatedTool {
         };
         tool.sense(ZERO, ZERO);
         Ok(tool)
+    }
+
+    /// The same tool with friction that sticks and slips.
+    pub(crate) fn sticking(self, material: &Material) -> Self {
+        Self { sticking: Some(Bristles::new(material)), ..self }
     }
 
     /// True quantities at this tick.
@@ -236,27 +246,29 @@ impl SimulatedTool {
     fn surface(&mut self, step_s: f64) -> Vec3 {
         let [x, y, z] = self.tip.position_m;
         let [u, v, w] = self.tip.velocity_m_s;
-        if z > self.terrain.highest_m {
+        // Above the highest point there is no need to look.
+        let over = (z <= self.terrain.highest_m).then(|| self.terrain.at(x, y));
+        let Some(spot) = over.filter(|spot| spot.height_m > z) else {
             self.bristle_m = [0.0; 2];
+            self.sticking.iter_mut().for_each(Bristles::lift);
             return ZERO;
-        }
-        let spot = self.terrain.at(x, y);
+        };
         let depth_m = spot.height_m - z;
-        if depth_m <= 0.0 {
-            self.bristle_m = [0.0; 2];
-            return ZERO;
-        }
         let [p, q] = spot.slope;
         let closing_m_s = p * u + q * v - w;
         let elastic_n = self.contact.hertz_n_per_m32 * depth_m * depth_m.sqrt();
         let normal_n = (elastic_n * (1.0 + self.contact.damping_s_per_m * closing_m_s)).max(0.0);
+        let upright = normal_n / (1.0 + p * p + q * q).sqrt();
+        if let Some(bristles) = &mut self.sticking {
+            let [along, across] = bristles.step([u, v], step_s);
+            return [normal_n * along - p * upright, normal_n * across - q * upright, upright];
+        }
         // Friction of the spring that the tip drags along, at most its longest.
         let dragged = [self.bristle_m[0] + u * step_s, self.bristle_m[1] + v * step_s];
         let length_m = norm(dragged);
         let cut = if length_m > PRESLIDING_M { PRESLIDING_M / length_m } else { 1.0 };
         self.bristle_m = dragged.map(|b| b * cut);
         let grip = -self.contact.friction * normal_n / PRESLIDING_M;
-        let upright = normal_n / (1.0 + p * p + q * q).sqrt();
         [grip * self.bristle_m[0] - p * upright, grip * self.bristle_m[1] - q * upright, upright]
     }
 

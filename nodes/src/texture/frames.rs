@@ -191,7 +191,7 @@ mod tests {
             (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
         assert_eq!(LayersAt::from_components(&components), LayersAt::default());
-        let lines = LayersAt { speed_m_s: 0.1, components: [0.5, 0.25, 0.0] };
+        let lines = LayersAt { speed_m_s: 0.1, components: [0.5, 0.25, 0.0, 1.0] };
         lines.write(&mut components);
         assert_eq!(LayersAt::from_components(&components), lines);
         assert_eq!(Coefficients::from_components(&components).ma, &[0.1]);

@@ -2,7 +2,7 @@
 
 use haptograph_engine::node::{BuildContext, BuildError, Built, Io, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::{Coefficients, Interpolator, TextureModel};
+use haptograph_surfaces::{Coefficients, Interpolator, Spot, TextureModel};
 
 use super::frames::{self, LayersAt, Weights};
 use super::load_texture;
@@ -52,7 +52,9 @@ impl Processor<LsfInterpolator> for Mixing {
                 warping: self.mix.warping,
             }
             .write(components);
-            let layers = |texture: &TextureModel| texture.interpolate_layers(at.models, at.weights);
+            let Weights { models: vertices, weights, speed_m_s, force_n } = at;
+            let spot = Spot { speed_m_s, force_n, triangle: 0, vertices, weights };
+            let layers = |texture: &TextureModel| texture.interpolate_layers(&spot);
             if let Some(layers) = self.layered.as_ref().and_then(layers) {
                 LayersAt { speed_m_s: at.speed_m_s, components: layers }.write(components);
             }

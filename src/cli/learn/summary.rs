@@ -2,11 +2,12 @@
 
 use super::super::surface::clips_of;
 use super::super::table::significant;
-use crate::learning::learn::LearningReport;
 use crate::learning::learn::coverage as covered;
 use crate::learning::learn::taps::TapReport;
 use crate::learning::learn::texture::{Fate, TextureReport};
+use crate::learning::learn::{LearningReport, NoOnset};
 use crate::surfaces::coverage::Coverage;
+use crate::surfaces::layers::{Layer, Onset};
 use crate::surfaces::{Surface, Taps, TextureModel};
 use serde_json::{Value, json};
 
@@ -53,28 +54,36 @@ pub(super) fn shortness(surface: &Surface, report: &LearningReport) -> Option<St
 /// The data that a surface is learned from.
 pub(super) fn facts_of(
     surface: &Surface,
-    report: &LearningReport,
+    learned: &LearningReport,
     is_implausible: bool,
 ) -> Vec<(&'static str, String)> {
     let mut found = vec![("origin", surface.provenance.origin.as_str().to_owned())];
-    if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
+    if let (Some(texture), Some(report)) = (&surface.texture, &learned.texture) {
         found.push(("texture", describe_texture(texture, report)));
         let coverage = covered(&report.segments, texture.rate_hz());
         found.push(("coverage", verdict(&coverage, is_implausible)));
         found.extend(clips_of(surface).map(|clips| ("clips", clips)));
+        match (texture.layer::<Onset>(), learned.onset.as_ref()) {
+            (Some(onset), _) => found.push(("onset", onset.summary(texture.rate_hz()))),
+            // Free dragging has none, and wants none.
+            (None, Some(Err(reason))) if *reason != NoOnset::NoStrokes => {
+                found.push(("onset", format!("none: {reason}")))
+            }
+            _ => {}
+        }
     }
     if let Some(friction) = surface.friction {
         let mu = significant(friction.mu(), 3);
         found.push(("friction", format!("mu {mu}{}", fit(friction.r_squared()))));
     }
-    if let (Some(taps), Some(report)) = (&surface.taps, &report.taps) {
+    if let (Some(taps), Some(report)) = (&surface.taps, &learned.taps) {
         found.push(("taps", describe_taps(taps, report)));
     }
     if let Some(stiffness) = surface.stiffness {
         let n_per_mm = significant(stiffness.n_per_mm(), 3);
         found.push(("stiffness", format!("{n_per_mm} N/mm{}", fit(stiffness.r_squared()))));
     }
-    let missing = report.missing.iter();
+    let missing = learned.missing.iter();
     found.extend(missing.map(|missing| (missing.part, "none".to_owned())));
     found
 }

@@ -6,7 +6,7 @@ use crate::cli::table::{facts, significant, table};
 use crate::signal::units::decimal::format_thousandfold;
 use crate::surfaces::layers::{LAYERS, Layer};
 use crate::surfaces::provenance::LICENCE;
-use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
+use crate::surfaces::{Friction, Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -47,7 +47,10 @@ impl Serialize for Shown {
         let Provenance { origin, source, settings, version } = &surface.provenance;
         json!({
             "name": surface.name,
-            "friction": surface.friction.map(|friction| json!({ "mu": friction.mu(), "r_squared": friction.r_squared() })),
+            "friction": surface.friction.map(|friction| json!({
+                "mu": friction.mu(), "r_squared": friction.r_squared(), "static_ratio": friction.peak().map(|peak| peak.ratio()),
+                "stribeck_mm_s": friction.peak().map(|peak| 1000.0 * peak.stribeck_m_s()),
+            })),
             "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
             "highest_hz": surface.provenance.highest_hz(),
             "taps": surface.taps.as_ref().map(taps_json),
@@ -105,7 +108,13 @@ impl CommandResult for Shown {
         };
         let none = || "none".to_owned();
         let friction = surface.friction;
-        let friction = friction.map(|f| format!("mu {}{}", significant(f.mu(), 4), fit(f.r_squared())));
+        let peak = |friction: Friction| {
+            friction.peak().map_or_else(String::new, |peak| {
+                format!(", {} times that at rest", significant(peak.ratio(), 3))
+            })
+        };
+        let friction =
+            friction.map(|f| format!("mu {}{}{}", significant(f.mu(), 4), fit(f.r_squared()), peak(f)));
         let stiffness = surface.stiffness;
         let stiffness =
             stiffness.map(|s| format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared())));

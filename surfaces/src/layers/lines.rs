@@ -6,8 +6,7 @@
 use super::{Layer, LayerError, LayerKind, LayerVoice, RenderRates, Stage, parse};
 use crate::files::MAX_MODELS;
 use crate::files::native::{Bounded, PerMm, write_numbers};
-use crate::triangulation::Triangle;
-use crate::{ModelAt, TextureError, TextureModel};
+use crate::{ModelAt, Spot, TextureError, TextureModel};
 use haptograph_signal::noise::Gaussian;
 use haptograph_signal::units::decimal::{format_shifted, significant};
 use serde::Deserialize;
@@ -172,9 +171,9 @@ impl Layer for Lines {
     }
 
     /// Writes the power of each line, (m/s²)²: the square of the mixed amplitude.
-    fn interpolate(&self, models: Triangle, weights: [f64; 3], into: &mut [f64]) {
+    fn interpolate(&self, spot: &Spot, into: &mut [f64]) {
         for (power, line) in into.iter_mut().zip(&self.0) {
-            let amplitude = models.iter().zip(weights).fold(0.0, |sum, (model, weight)| {
+            let amplitude = spot.vertices.iter().zip(spot.weights).fold(0.0, |sum, (model, weight)| {
                 let at_model = line.powers_m2_s4.get(*model as usize);
                 sum + weight * at_model.map_or(0.0, |power| power.sqrt())
             });
@@ -345,6 +344,7 @@ impl Voice {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::triangulation::Triangle;
 
     const RATE_HZ: f64 = 10_000.0;
 
@@ -358,7 +358,8 @@ mod tests {
 
     fn mixed_powers(line: SpatialLine, models: Triangle, weights: [f64; 3]) -> [f64; MAX_LINES] {
         let mut powers = [0.0; MAX_LINES];
-        Lines(vec![line]).interpolate(models, weights, &mut powers);
+        let spot = Spot { speed_m_s: 0.1, force_n: 1.0, triangle: 0, vertices: models, weights };
+        Lines(vec![line]).interpolate(&spot, &mut powers);
         powers
     }
 

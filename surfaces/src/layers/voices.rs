@@ -53,7 +53,7 @@ impl LayerVoices {
         for (layer, voice) in &mut self.voices {
             let components = &mut self.components[..layer.kind().components.len()];
             components.fill(0.0);
-            layer.interpolate(spot.vertices, spot.weights, components);
+            layer.interpolate(spot, components);
             voice.set(spot.speed_m_s, components);
         }
     }

@@ -6,18 +6,24 @@
 
 use super::super::Take;
 use super::Mean;
+use crate::learn::TextureMethod;
+use crate::learn::breakaway::learn_with_onset;
 use crate::learn::friction::{FrictionFit, FrictionSettings, Sliding, fit_friction, sliding};
 use crate::learn::stiffness::{StiffnessSettings, fit_stiffness, learn_stiffness};
 use crate::learn::taps::{TapSettings, learn_taps};
-use crate::processing::ProcessingSettings;
-use crate::recording::{AnyRecording, Gesture};
+use crate::metrics::onset_levels_db;
+use crate::processing::{ProcessingSettings, processed};
+use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use haptograph_signal::statistics::{Line, mean, median};
-use haptograph_surfaces::{Tap, Taps};
+use haptograph_surfaces::rendering::{SynthesisSettings, synthesise};
+use haptograph_surfaces::{Tap, Taps, TextureModel};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Force from which a press counts as contact, N.
 const TOUCH_N: f64 = 0.1;
+/// Renderings over which the levels of onsets are averaged.
+const ONSET_SEEDS: u64 = 4;
 
 /// The predicted quantity of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -33,12 +39,20 @@ pub enum Contact {
     /// Force of a press by indentation, with the rest position of the spring as a free parameter: RMS of the
     /// error over the standard deviation of the force, percent.
     Stiffness,
+    /// Level of the first 100 ms of strokes from rest over their slides, of drags: mean magnitude of the error over three bands, dB.
+    Onset,
 }
 
 impl Contact {
     /// All quantities.
-    pub const ALL: [Self; 5] =
-        [Self::TapShape, Self::TapLevel, Self::CircleFriction, Self::DragFriction, Self::Stiffness];
+    pub const ALL: [Self; 6] = [
+        Self::TapShape,
+        Self::TapLevel,
+        Self::CircleFriction,
+        Self::DragFriction,
+        Self::Stiffness,
+        Self::Onset,
+    ];
 
     /// Name in files; it ends in the unit of the errors.
     pub fn as_str(self) -> &'static str {
@@ -48,6 +62,7 @@ impl Contact {
             Self::CircleFriction => "circle_friction_percent",
             Self::DragFriction => "drag_friction_percent",
             Self::Stiffness => "stiffness_percent",
+            Self::Onset => "onset_db",
         }
     }
 
@@ -59,6 +74,7 @@ impl Contact {
             Self::CircleFriction => "friction, circles (%)",
             Self::DragFriction => "friction, drags (%)",
             Self::Stiffness => "stiffness (%)",
+            Self::Onset => "onset, level (dB)",
         }
     }
 
@@ -73,6 +89,7 @@ impl Contact {
                 &["learned", "plain: mean ratio of forces", "thesis's: line with an intercept"]
             }
             Self::Stiffness => &["learned", "plain: one line through all"],
+            Self::Onset => &["learned", "plain: no onset"],
         }
     }
 
@@ -80,7 +97,7 @@ impl Contact {
     fn plain(self) -> Range<usize> {
         match self {
             Self::TapShape | Self::TapLevel => 1..3,
-            Self::CircleFriction | Self::DragFriction | Self::Stiffness => 1..2,
+            Self::CircleFriction | Self::DragFriction | Self::Stiffness | Self::Onset => 1..2,
         }
     }
 }
@@ -137,6 +154,7 @@ pub fn hold_out_contact(takes: &[Take], processing: &ProcessingSettings) -> Vec<
             add(Contact::DragFriction, split, errors);
         });
         stiffness(&of(Gesture::Press), processing, &mut add);
+        onsets(&of(Gesture::Drag), processing, &mut add);
     }
     summed_up(&names, &folds)
 }
@@ -333,6 +351,45 @@ fn stiffness_errors(
         100.0 * deviation(&left) / recorded
     };
     (recorded > 0.0).then(|| vec![error(learned), error(plain)])
+}
+
+/// Each drag with strokes from rest against the texture and the onset of the others; nothing without several such drags.
+fn onsets(
+    recordings: &[&AnyRecording],
+    processing: &ProcessingSettings,
+    add: &mut dyn FnMut(Contact, &'static str, Option<Vec<f64>>),
+) {
+    let levels_of = |recording: &ProcessedRecording, vibration: &[f64]| {
+        let signals = recording.signals();
+        onset_levels_db(vibration, &signals.speed_m_s, &signals.force_normal_n, signals.rate_hz)
+    };
+    let drags = recordings.iter().filter_map(|recording| processed(recording, processing).ok());
+    let drags: Vec<(ProcessedRecording, [f64; 3])> = drags
+        .filter_map(|drag| levels_of(&drag, &drag.signals().acceleration_m_s2).map(|(_, db)| (drag, db)))
+        .collect();
+    for (number, (test, recorded_db)) in drags.iter().enumerate() {
+        let others = drags.iter().enumerate().filter(|(other, _)| *other != number);
+        let train: Vec<ProcessedRecording> = others.map(|(_, (drag, _))| drag.clone()).collect();
+        let method = TextureMethod::default();
+        let Some((plain, _)) = method.learn(&train, &|_| ()).ok().filter(|_| !train.is_empty()) else {
+            continue;
+        };
+        let with = learn_with_onset(&method, &train, &|_| ()).ok().filter(|with| with.onset.is_ok());
+        let Some(with) = with else { continue };
+        let error = |texture: &TextureModel| {
+            let of = |seed| {
+                let settings = SynthesisSettings { seed, lines_seed: seed, ..SynthesisSettings::default() };
+                levels_of(test, &synthesise(texture, &test.trajectory(), &settings).ok()?).map(|(_, db)| db)
+            };
+            let rendered = (1..=ONSET_SEEDS).map(of).collect::<Option<Vec<_>>>()?;
+            let off = |band: usize| {
+                let levels: Vec<f64> = rendered.iter().map(|db| db[band]).collect();
+                (mean(&levels) - recorded_db[band]).abs()
+            };
+            Some(mean(&[0, 1, 2].map(off)))
+        };
+        add(Contact::Onset, "another take", [error(&with.texture), error(&plain)].into_iter().collect());
+    }
 }
 
 #[cfg(test)]

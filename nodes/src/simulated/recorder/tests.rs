@@ -13,6 +13,7 @@ fn settings(material: &str, motion: Motion, person: u64) -> SimulatedRecordingTo
     SimulatedRecordingToolSettings {
         material: material.into(),
         motion,
+        from_rest: false,
         press_n: 5.0,
         person,
         tracker_to_tip_mm: [0.0, 0.0, -120.0].map(Millimetres),

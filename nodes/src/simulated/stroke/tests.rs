@@ -23,6 +23,7 @@ fn shapes() -> Vec<StrokeShape> {
         StrokeShape::ZigZag { width_m: 0.06, height_m: 0.03, period_s: 1.0 },
         StrokeShape::Writing { letter_m: 0.006, line_m: 0.12 },
         StrokeShape::Wander { side_m: 0.06, fastest_hz: 1.5 },
+        StrokeShape::FromRest { side_m: 0.06 },
         StrokeShape::Recorded(Arc::new(Trajectory::new(&path).unwrap())),
     ]
 }
@@ -43,6 +44,16 @@ fn strokes_move_smoothly_and_stay_on_the_sheet() {
             previous = point;
         }
         assert!(way_m > 0.2 || shape == StrokeShape::Still, "{shape:?}: {way_m} m in 10 s");
+    }
+}
+
+#[test]
+fn a_stroke_from_rest_stays_where_it_begins_for_a_while() {
+    let stroke = Stroke::new(StrokeSettings::exact(StrokeShape::FromRest { side_m: 0.06 }, 1.0), 4).unwrap();
+    for start_s in (1..20).map(|number| f64::from(number) + 1e-9) {
+        let at = |after_s: f64| stroke.at(start_s + after_s).position_m;
+        assert_eq!(at(0.0), at(0.07));
+        assert!(crate::vector::distance(at(0.6), at(0.97)) > 1e-4);
     }
 }
 

@@ -60,6 +60,8 @@ impl From<OriginDocument> for Origin {
 pub(super) struct FrictionDocument {
     pub mu: f64,
     pub r_squared: Option<f64>,
+    pub static_ratio: Option<f64>,
+    pub stribeck_mm_s: Option<Thousandths>,
 }
 
 #[derive(Deserialize)]

@@ -2,15 +2,16 @@
 
 use super::FORMAT;
 use super::document::{
-    FilterDocument, Head, KindDocument, Places, SurfaceDocument, TapsDocument, TextureDocument,
+    FilterDocument, FrictionDocument, Head, KindDocument, Places, SurfaceDocument, TapsDocument,
+    TextureDocument,
 };
 use crate::files::{Malformed, Place, Problem, ReadError};
 use crate::layers::{BuiltIn, LayerKind, LayerSet, ParsedLayer};
 use crate::lsf;
 use crate::model::{ArmaModel, ModelError, StoredModel};
 use crate::{
-    Friction, ModelAt, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
-    texture::TextureError,
+    Friction, ModelAt, Provenance, StaticPeak, Stiffness, Surface, SurfaceError, Tap, Taps, TextureModel,
+    VertexKind, texture::TextureError,
 };
 use ron::error::SpannedError;
 use ron::extensions::Extensions;
@@ -76,8 +77,7 @@ fn surface<S>(document: SurfaceDocument<'_, S>, layers: Vec<ParsedLayer>) -> Res
         version: document.provenance.made_by,
     };
     let mut surface = Surface::new(document.name, provenance);
-    surface.friction =
-        document.friction.map(|friction| Friction::new(friction.mu, friction.r_squared)).transpose()?;
+    surface.friction = document.friction.map(friction).transpose()?;
     surface.stiffness = document
         .stiffness
         .map(|stiffness| Stiffness::new(stiffness.n_per_mm, stiffness.r_squared))
@@ -97,6 +97,14 @@ fn taps(document: TapsDocument) -> Result<Taps, Problem> {
         })
         .collect();
     Ok(Taps::new(document.rate_hz, taps)?)
+}
+
+/// Half a static peak is as wrong as one of no speed.
+fn friction(document: FrictionDocument) -> Result<Friction, SurfaceError> {
+    let FrictionDocument { mu, r_squared, static_ratio, stribeck_mm_s } = document;
+    let peak = (static_ratio.is_some() || stribeck_mm_s.is_some())
+        .then(|| StaticPeak::new(static_ratio.unwrap_or(0.0), stribeck_mm_s.map_or(0.0, |speed| speed.si)));
+    Ok(Friction::new(mu, r_squared)?.with_peak(peak.transpose()?))
 }
 
 fn texture(document: TextureDocument, layers: Vec<ParsedLayer>) -> Result<TextureModel, Problem> {

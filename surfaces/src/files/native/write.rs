@@ -31,6 +31,10 @@ fn write_surface(out: &mut String, surface: &Surface) -> std::fmt::Result {
     writeln!(out, "    ),")?;
     if let Some(friction) = surface.friction {
         write!(out, "    friction: (mu: {:?}", friction.mu())?;
+        if let Some(peak) = friction.peak() {
+            let speed = format_thousandfold(peak.stribeck_m_s());
+            write!(out, ", static_ratio: {:?}, stribeck_mm_s: {speed}", peak.ratio())?;
+        }
         write_r_squared(out, friction.r_squared())?;
     }
     if let Some(stiffness) = surface.stiffness {
