@@ -14,6 +14,7 @@ use fits::{contacts, friction, stiffness};
 use haptograph_learning::learn::texture::{Fate, SegmentReport, TextureReport};
 use haptograph_learning::learn::{LearningReport, OnsetShown};
 use haptograph_learning::recording::ProcessedRecording;
+use haptograph_surfaces::layers::{Layer, Onset};
 use haptograph_surfaces::provenance::VIBRATION_UNIT;
 use haptograph_surfaces::rendering::synthesise;
 use haptograph_surfaces::{Origin, Surface, TextureModel, VertexKind};
@@ -291,13 +292,21 @@ fn unit(surface: &Surface) -> &'static str {
 
 /// The recording beside the synthesis along the same speed and force (Fig. 2.10).
 fn recorded_and_synthesised(surface: &Surface, texture: &TextureModel, drag: &ProcessedRecording) -> String {
-    let Ok(played) = synthesise(texture, &drag.trajectory(), &Default::default()) else {
+    // A drag with onsets is shown as it was learned from, by its slides.
+    let onset = texture.layer::<Onset>();
+    let slides = onset.map(|onset| texture.clone().without_layer(onset.kind().name));
+    let played = synthesise(slides.as_ref().unwrap_or(texture), &drag.trajectory(), &Default::default());
+    let Ok(played) = played else {
         return "<p>The rates of the texture and the recording differ.</p>".to_owned();
     };
     let samples = [&drag.signals().acceleration_m_s2[..], &played];
     let simulated = [is_simulated(surface), false];
     let names = ["recorded", "synthesised"];
-    Pair { names, samples, unit: unit(surface), rate_hz: drag.rate_hz(), simulated }.section()
+    let section = Pair { names, samples, unit: unit(surface), rate_hz: drag.rate_hz(), simulated }.section();
+    match onset {
+        Some(_) => format!("<p>The slides, without the starts of strokes from rest.</p>{section}"),
+        None => section,
+    }
 }
 
 #[cfg(test)]

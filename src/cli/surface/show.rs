@@ -4,7 +4,7 @@ use super::{Failure, load};
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{facts, significant, table};
 use crate::signal::units::decimal::format_thousandfold;
-use crate::surfaces::layers::{LAYERS, Layer};
+use crate::surfaces::layers::LAYERS;
 use crate::surfaces::provenance::LICENCE;
 use crate::surfaces::{Friction, Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde::{Serialize, Serializer};
@@ -149,7 +149,7 @@ impl CommandResult for Shown {
 /// The clips of a surface, and whether others may have them.
 pub(in crate::cli) fn clips_of(surface: &Surface) -> Option<String> {
     let texture = surface.texture.as_ref()?;
-    let clips = texture.clips()?.summary(texture.rate_hz());
+    let clips_s = significant(texture.clips()?.samples() as f64 / texture.rate_hz(), 3);
     let origin = surface.provenance.origin.as_str();
     let licence = match surface.provenance.settings.get(LICENCE) {
         Some(licence) => format!("licence: {licence}"),
@@ -158,7 +158,7 @@ pub(in crate::cli) fn clips_of(surface: &Surface) -> Option<String> {
         }
         None => "no licence needed".to_owned(),
     };
-    Some(format!("{clips} ({origin}); {licence}"))
+    Some(format!("{clips_s} s of the recording ({origin}); {licence}"))
 }
 
 fn describe_taps(taps: &Taps) -> String {

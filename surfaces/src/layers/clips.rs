@@ -164,7 +164,7 @@ impl Layer for Clips {
     }
 
     fn summary(&self, rate_hz: f64) -> String {
-        format!("{} s of the recording", significant(self.samples() as f64 / rate_hz, 3))
+        format!("clips of {} s", significant(self.samples() as f64 / rate_hz, 3))
     }
 }
 

@@ -206,7 +206,7 @@ fn errors_of_meaning_have_a_line_and_column_too() {
         error(&SQUARE.replace("rate_hz: 1000", "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)"));
     assert!(message.contains("depth -1"), "{message}");
     for text in ["", "AAA", "AA*A"] {
-        let (place, message) = error(
+        let (_, message) = error(
             &SQUARE.replace("rate_hz: 1000", &format!("rate_hz: 1000, clips: (mu_law_base64: {text:?})")),
         );
         assert!(message.contains("clips"), "{message}");
