@@ -188,14 +188,10 @@ fn without_onsets(recording: &ProcessedRecording) -> Option<ProcessedRecording> 
 /// # Errors
 /// [`NoOnset`].
 fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Result<Onset, NoOnset> {
+    let observed = recordings.iter().zip(enough_strokes(recordings)?);
     let observed: Vec<Observed> =
-        recordings.iter().flat_map(|recording| observe(recording, texture)).collect();
+        observed.flat_map(|(recording, strokes)| observe(recording, strokes, texture)).collect();
     let strokes = observed.len();
-    match strokes {
-        0 => return Err(NoOnset::NoStrokes),
-        few if few < FEWEST => return Err(NoOnset::FewStrokes { strokes }),
-        _ => {}
-    }
     let excess = |of: fn(&OnsetPowers) -> [f64; 3]| -> [f64; 3] {
         [0, 1, 2].map(|band| {
             let sum = |powers: fn(&Observed) -> &OnsetPowers| {
@@ -245,9 +241,22 @@ fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Resu
     onset.checked().map_err(|_| NoOnset::NotAtRest { strokes })
 }
 
-fn observe(recording: &ProcessedRecording, texture: &TextureModel) -> Vec<Observed> {
+/// The strokes from rest of each recording.
+fn enough_strokes(recordings: &[ProcessedRecording]) -> Result<Vec<Vec<Stroke>>, NoOnset> {
+    let found = recordings.iter().map(|recording| {
+        let signals = recording.signals();
+        strokes(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz)
+    });
+    let found: Vec<Vec<Stroke>> = found.collect();
+    match found.iter().map(Vec::len).sum() {
+        0 => Err(NoOnset::NoStrokes),
+        strokes if strokes < FEWEST => Err(NoOnset::FewStrokes { strokes }),
+        _ => Ok(found),
+    }
+}
+
+fn observe(recording: &ProcessedRecording, strokes: Vec<Stroke>, texture: &TextureModel) -> Vec<Observed> {
     let (signals, rate_hz) = (recording.signals(), recording.rate_hz());
-    let strokes = strokes(&signals.speed_m_s, &signals.force_normal_n, rate_hz);
     if strokes.is_empty() {
         return vec![];
     }

@@ -119,10 +119,12 @@ fn level(piece: &[f64], middle: &Middle) -> f64 {
 fn flattened(samples: &[f64], warping: f64) -> Vec<f64> {
     let length = samples.len();
     let mut spectrum = spectrum_of(samples);
-    let cell = |bin: usize| {
-        let turn = TAU * bin.min(length - bin) as f64 / length as f64;
-        ((unwarp(turn, -warping) / PI * CELLS as f64) as usize).min(CELLS - 1)
-    };
+    let cells = (0..=length / 2).map(|bin| {
+        let turn = unwarp(TAU * bin as f64 / length as f64, -warping);
+        ((turn / PI * CELLS as f64) as usize).min(CELLS - 1)
+    });
+    let cells: Vec<usize> = cells.collect();
+    let cell = |bin: usize| cells[bin.min(length - bin)];
     let (mut powers, mut counts) = ([0.0; CELLS], [0.0; CELLS]);
     for (bin, x) in spectrum.iter().enumerate() {
         powers[cell(bin)] += x.norm_sqr();

@@ -13,7 +13,7 @@ use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES, write_atomica
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Reads a recording from a file: [haptograph's archive](read_archive), [CSV](super::read_csv) or another table, or any
+/// Reads a recording from a file: [haptograph's archive](super::read_archive), [CSV](super::read_csv) or another table, or any
 /// of the three XML files of a HaTT recording (the other two must be in the same folder).
 ///
 /// The content decides the format. Nothing is repaired; see [`load_with`].

@@ -132,7 +132,7 @@ impl Onset {
     /// Checks the numbers.
     ///
     /// # Errors
-    /// [`OnsetError`].
+    /// A number out of range.
     pub fn checked(self) -> Result<Self, LayerError> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let bad = |power: &&f64| !(0.0..=MOST_POWER_M2_S4).contains(*power);
