@@ -8,16 +8,17 @@ mod sink;
 
 use haptograph::engine::graph::CheckOptions;
 use haptograph::engine::run::{FileSinks, Session, SessionOptions};
-use haptograph::learning::learn::LearnSettings;
 use haptograph::learning::learn::stiffness::{StiffnessSettings, learn_stiffness};
 use haptograph::learning::learn::taps::{Contact, learn_taps};
+use haptograph::learning::learn::{LearnSettings, learn};
 use haptograph::learning::processing::{ProcessingSettings, SurfaceNormal, processed};
-use haptograph::learning::recording::{AnyRecording, Gesture, load};
+use haptograph::learning::recording::{AnyRecording, Gesture, ProcessedRecording, load};
 use haptograph::nodes::simulated::material::{Material, MaterialName};
 use haptograph::recorder::{SimulatedTake, record};
 use haptograph::signal::spectrum::welch;
 use haptograph::signal::window::Window;
-use haptograph::surfaces::{Origin, Surface, Tap, files};
+use haptograph::surfaces::layers::Onset;
+use haptograph::surfaces::{Origin, Provenance, Surface, Tap, files};
 use learn_surfaces::{SHIPPED, learned};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -193,6 +194,44 @@ fn the_shipped_surfaces_are_learned_again_to_the_bit() {
         let text = files::native::write(&learned(material, name).unwrap());
         assert!(text == std::fs::read_to_string(place(file)).unwrap(), "{file}");
     }
+}
+
+fn drag(material: MaterialName, seconds: f64, from_rest: bool) -> AnyRecording {
+    let session = SimulatedTake { material, gesture: Gesture::Drag, person: 1, seconds, seed: 1, from_rest };
+    record(&session, &Arc::default(), &mut |_| ()).unwrap()
+}
+
+#[test]
+fn raw_strokes_from_rest_teach_an_onset_and_a_static_peak() {
+    let drag = drag(MaterialName::T6, 20.0, true);
+    let (surface, report) = learn("sticky", &[drag], &LearnSettings::default(), &|_| ()).unwrap();
+    assert!(
+        surface.texture.unwrap().layer::<Onset>().is_some(),
+        "{:?}",
+        report.onset.map(|onset| onset.err())
+    );
+    assert!(surface.friction.unwrap().peak().is_some());
+}
+
+#[test]
+fn a_simulated_press_does_not_free_clips_of_a_measured_drag() {
+    let mut drag = match processed(&drag(MaterialName::T2, 6.0, false), &ProcessingSettings::default()) {
+        Ok(drag) => drag.signals().clone(),
+        Err(error) => panic!("{error}"),
+    };
+    drag.axes_m_s2 = None;
+    let of = |origin: Origin, gesture: Gesture| {
+        let provenance = Provenance::new(origin, "a test");
+        AnyRecording::Processed(ProcessedRecording::new(drag.clone(), gesture, provenance).unwrap())
+    };
+    let learned = |recordings: &[AnyRecording]| {
+        let (surface, _) = learn("mine", recordings, &LearnSettings::default(), &|_| ()).unwrap();
+        assert!(surface.texture.as_ref().unwrap().clips().is_some());
+        surface
+    };
+    let simulated = of(Origin::Simulated, Gesture::Circle);
+    assert!(learned(&[of(Origin::Measured, Gesture::Drag), simulated.clone()]).has_unlicensed_clips());
+    assert!(!learned(&[of(Origin::Simulated, Gesture::Drag), simulated]).has_unlicensed_clips());
 }
 
 /// The press of 3.2.2: to 10 N, its position read at 10 Hz in steps of 0.06 um.

@@ -15,6 +15,9 @@ pub const TOUCH: [&str; 4] = ["tip_diameter_mm", "grip", "touched_with", LICENCE
 /// The setting by which the holder of a recording's rights allows others to have it, such as `CC-BY-4.0`.
 pub const LICENCE: &str = "licence";
 
+/// The setting of a surface whose clips are of a recording of another origin than its own: that origin.
+pub const CLIPS_ORIGIN: &str = "clips origin";
+
 /// Checks a setting of [`TOUCH`].
 ///
 /// # Errors

@@ -74,8 +74,9 @@ impl Triangulation {
         self.max_force_n
     }
 
-    /// Clamps speed and force to the modelled range; NaN becomes 0.
+    /// Clamps speed and force to the modelled range; NaN becomes 0, of the speed both: what is not known to rest is in the air.
     pub fn saturate(&self, speed_m_s: f64, force_n: f64) -> (f64, f64) {
+        let force_n = if speed_m_s.is_nan() { 0.0 } else { force_n };
         // `max` and `min` return the other operand for NaN.
         (speed_m_s.max(0.0).min(self.max_speed_m_s), force_n.max(0.0).min(self.max_force_n))
     }

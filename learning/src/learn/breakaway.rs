@@ -43,6 +43,10 @@ pub enum NoOnset {
         "the tool vibrates before its {strokes} strokes from rest too, so it was not at rest: check the speed"
     )]
     NotAtRest { strokes: usize },
+    #[error(
+        "the burst of its {strokes} strokes from rest is out of range: check the unit of the acceleration and of the speed"
+    )]
+    Range { strokes: usize },
     #[error("its {strokes} strokes from rest begin no louder than the texture is")]
     NoBurst { strokes: usize },
 }
@@ -238,11 +242,11 @@ fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Resu
     onset.decay_s = DECAYS_S.into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(onset.decay_s);
     let growth: f64 = observed.iter().map(|o| onset.growth(o.stroke.force_n, o.stroke.stuck_s)).sum();
     onset.powers_m2_s4 = powers_for(burst.map(|sum| sum / growth), &rendered(onset.decay_s, rate_hz));
-    onset.checked().map_err(|_| NoOnset::NotAtRest { strokes })
+    onset.checked().map_err(|_| NoOnset::Range { strokes })
 }
 
 /// The strokes from rest of each recording.
-fn enough_strokes(recordings: &[ProcessedRecording]) -> Result<Vec<Vec<Stroke>>, NoOnset> {
+pub(super) fn enough_strokes(recordings: &[ProcessedRecording]) -> Result<Vec<Vec<Stroke>>, NoOnset> {
     let found = recordings.iter().map(|recording| {
         let signals = recording.signals();
         strokes(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz)

@@ -35,11 +35,13 @@ pub(super) fn find_clips(
 ) -> Option<Clips> {
     let rate_hz = texture.rate_hz();
     let samples = |seconds: f64| ((seconds * rate_hz) as usize).max(1);
+    let most = samples(MOST_S).min(MAX_SAMPLES);
+    let longest = samples(LONGEST_S).min(most / 4);
     let mut pieces: Vec<(&Whitened<'_>, Range<usize>)> = vec![];
     for (recording, whitened) in recordings.iter().zip(whitened) {
         for run in usable(recording, &whitened.dragged().collect::<Vec<bool>>()) {
-            let starts = run.clone().step_by(samples(LONGEST_S));
-            let piece = starts.map(|start| start..run.end.min(start + samples(LONGEST_S)));
+            let starts = run.clone().step_by(longest);
+            let piece = starts.map(|start| start..run.end.min(start + longest));
             pieces.extend(
                 piece.filter(|piece| piece.len() >= samples(SHORTEST_S)).map(|piece| (whitened, piece)),
             );
@@ -49,7 +51,6 @@ pub(super) fn find_clips(
     if all < samples(LEAST_S) {
         return None;
     }
-    let most = samples(MOST_S).min(MAX_SAMPLES);
     let (mut kept, mut seen) = (vec![], 0);
     for (whitened, piece) in pieces {
         // As much of the beginning as of the end.
@@ -60,6 +61,9 @@ pub(super) fn find_clips(
             let level = level(&piece, middle);
             kept.extend(piece.iter().map(|e| e / level));
         }
+    }
+    if kept.len() < samples(LEAST_S) {
+        return None;
     }
     Clips::new(&flattened(&kept, texture.warping())).ok()
 }

@@ -1,6 +1,6 @@
 //! Learns the parts of a surface from the available recordings.
 
-use super::breakaway::{NoOnset, OnsetShown, WithOnset, learn_with_onset, static_peak};
+use super::breakaway::{NoOnset, OnsetShown, enough_strokes, learn_with_onset, static_peak};
 use super::friction::{FrictionError, FrictionFit, FrictionReport, FrictionSettings, learn_friction};
 use super::law::LawSettings;
 use super::method::TextureMethod;
@@ -8,10 +8,12 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
-use crate::processing::{Kept, ProcessingError, ProcessingSettings, SurfaceNormal, processed_keeping};
+use crate::processing::{
+    Kept, ProcessingError, ProcessingSettings, SurfaceNormal, processed, processed_keeping,
+};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use haptograph_surfaces::bounds::{FELT_HZ, FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
-use haptograph_surfaces::provenance::{HIGHEST_HZ, TOUCH};
+use haptograph_surfaces::provenance::{CLIPS_ORIGIN, HIGHEST_HZ, TOUCH};
 use haptograph_surfaces::{Friction, Origin, Provenance, Stiffness, Surface};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -199,27 +201,28 @@ pub fn learn(
     if recordings.is_empty() {
         return Err(LearnError::NoRecordings);
     }
+    let mut has_strokes = false;
     let of = |gesture: Gesture| recordings.iter().enumerate().filter(move |(_, r)| r.gesture() == gesture);
     let mut surface = Surface::new(name, provenance(recordings, settings));
     let mut report = LearningReport { band: band(recordings, settings)?, ..LearningReport::default() };
     if let Some(band) = &report.band {
-        let settings = &mut surface.provenance.settings;
-        settings.insert(HIGHEST_HZ.to_owned(), band.highest_hz().to_string());
+        surface.provenance = surface.provenance.with_setting(HIGHEST_HZ, band.highest_hz());
     }
     let drags = drags(recordings, settings, progress)?;
     if !drags.is_empty() {
-        let advance = |part| progress(0.3 + 0.5 * part);
-        let learned = learn_with_onset(&settings.texture, &drags, &advance)?;
-        let WithOnset { texture, report: found, slides: cut, onset } = learned;
-        (surface.texture, report.texture) = (Some(texture), Some(found));
-        (report.onset, report.drags) = (Some(onset), cut.unwrap_or_else(|| drags.clone()));
+        let learned = learn_with_onset(&settings.texture, &drags, &|part| progress(0.3 + 0.5 * part))?;
+        (surface.texture, report.texture) = (Some(learned.texture), Some(learned.report));
+        has_strokes = enough_strokes(&drags).is_ok();
+        (report.onset, report.drags) = (Some(learned.onset), learned.slides.unwrap_or(drags));
     }
+    surface.provenance.settings.extend(copied_origin(recordings, &surface));
     progress(0.8);
     let missing = &mut report.missing;
     let friction = learned_friction(recordings, settings).transpose();
     (surface.friction, report.friction) = or_missing(friction, "friction", missing).unzip();
-    surface.friction =
-        surface.friction.map(|friction| friction.with_peak(static_peak(&drags, friction.mu())));
+    if has_strokes {
+        surface.friction = surface.friction.map(|own| with_peak(own, recordings, settings));
+    }
     progress(0.9);
     let taps: Vec<_> = of(Gesture::Tap).map(|(_, recording)| recording).collect();
     if !taps.is_empty() {
@@ -268,6 +271,16 @@ fn drags(
         progress(0.3 * (recording + 1) as f64 / recordings.len() as f64);
     }
     Ok(drags)
+}
+
+/// The origin of drags of which a surface has clips, where it is not the surface's: a simulated press makes no copy free.
+fn copied_origin(recordings: &[AnyRecording], surface: &Surface) -> Option<(String, String)> {
+    surface.texture.as_ref()?.clips()?;
+    let drags = recordings.iter().filter(|recording| recording.gesture() == Gesture::Drag);
+    let mut origins = drags.map(|drag| drag.provenance().origin);
+    let copied = origins.find(|origin| matches!(origin, Origin::Measured | Origin::Imported))?;
+    let setting = || (CLIPS_ORIGIN.to_owned(), copied.as_str().to_owned());
+    (copied != surface.provenance.origin).then(setting)
 }
 
 /// What the vibration of drags and taps lacks because of its rate; an error if a rate is too low and not accepted.
@@ -338,6 +351,14 @@ fn learned_friction(
         return Ok(None);
     };
     Ok(Some(learn_friction(&from, &settings.processing, &settings.friction, fit)?))
+}
+
+/// Friction with the static peak of the drags, processed anew: of raw ones the texture keeps no tangential force.
+fn with_peak(friction: Friction, recordings: &[AnyRecording], settings: &LearnSettings) -> Friction {
+    let drags = recordings.iter().filter(|recording| recording.gesture() == Gesture::Drag);
+    let drags: Vec<ProcessedRecording> =
+        drags.filter_map(|drag| processed(drag, &settings.processing).ok()).collect();
+    friction.with_peak(static_peak(&drags, friction.mu()))
 }
 
 fn learned_stiffness(

@@ -169,7 +169,8 @@ impl Processor<DahlFriction> for Sticking {
         let (contacts, loads) = (io.decode(DahlFriction::CONTACT), io.read(DahlFriction::LOAD));
         let forces = io.write(DahlFriction::FORCE).iter_mut();
         for ((force, contact), load) in forces.zip(contacts).zip(loads) {
-            let factor = self.peak.map_or(1.0, |peak| peak.factor(self.slip.update(&contact)));
+            let slip_m_s = self.slip.update(&contact);
+            let factor = self.peak.map_or(1.0, |peak| peak.factor(slip_m_s));
             *force = self.dahl.update(&contact, *load, self.mu * factor);
         }
     }

@@ -14,7 +14,7 @@ use super::load_texture;
 haptograph_engine::settings! {
     /// Settings of [`Excitation`].
     pub struct ExcitationSettings {
-        /// The rendered surface, whose grain the noise has. None: Gaussian noise without grain.
+        /// The rendered surface, whose clips or grain the excitation has. None: Gaussian noise.
         surface: Option<PathBuf> = None;
     }
 }
@@ -22,7 +22,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// White Gaussian noise that excites a synthesis filter, with the variance of the coefficients (exactly zero if that is
     /// zero). Without coefficients the variance is 1. If the surface has grain, the level fluctuates about that variance
-    /// as its file says.
+    /// as its file says; if it has clips, they play in place of the noise.
     pub struct Excitation(ExcitationSettings) in "texture";
     source: "2.4.2; grain: docs/texture-models.md";
     example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#;

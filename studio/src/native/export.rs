@@ -221,8 +221,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
 
 /// True if a file is a surface that must not be given to others.
 fn has_unlicensed_clips(path: &Path) -> bool {
-    let is_surface = path.extension().is_some_and(|ending| ending == "ron");
-    is_surface && load(path).is_ok_and(|surface| surface.has_unlicensed_clips())
+    load(path).is_ok_and(|surface| surface.has_unlicensed_clips())
 }
 
 /// An absolute path without `.` and `..`.

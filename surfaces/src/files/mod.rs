@@ -8,6 +8,7 @@ mod latest;
 mod malformed;
 pub mod native;
 
+use crate::provenance::LICENCE;
 use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError, TextureModel};
 use haptograph_signal::files::{self, write_atomically};
 use std::path::{Path, PathBuf};
@@ -128,6 +129,9 @@ pub fn merge(first: Surface, second: Surface) -> Result<Surface, MergeError> {
     if first.provenance.origin != second.provenance.origin {
         return Err(MergeError::Origins(first.provenance.origin, second.provenance.origin));
     }
+    // What allows others to have the recording of one file says nothing of the other's.
+    let copied = if first.texture.is_some() { &first } else { &second };
+    let licence = copied.provenance.settings.get(LICENCE).cloned();
     let mut provenance = first.provenance;
     if provenance.source != second.provenance.source {
         provenance.source = format!("{}; {}", provenance.source, second.provenance.source);
@@ -135,6 +139,8 @@ pub fn merge(first: Surface, second: Surface) -> Result<Surface, MergeError> {
     for (name, value) in second.provenance.settings {
         provenance.settings.entry(name).or_insert(value);
     }
+    provenance.settings.remove(LICENCE);
+    provenance.settings.extend(licence.map(|licence| (LICENCE.to_owned(), licence)));
     Ok(Surface {
         name: if first.name.is_empty() { second.name } else { first.name },
         friction: either(first.friction, second.friction, "friction")?,

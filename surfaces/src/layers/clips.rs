@@ -8,8 +8,8 @@
 //! below the signal at any level.
 
 use super::{Layer, LayerError, LayerKind, LayerVoice, RenderRates, Stage, parse};
-use crate::provenance::LICENCE;
-use crate::{Origin, Surface, TextureModel};
+use crate::provenance::{CLIPS_ORIGIN, LICENCE};
+use crate::{Origin, Provenance, Surface, TextureModel};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use haptograph_signal::noise::stream_seed;
@@ -186,10 +186,12 @@ impl TextureModel {
 impl Surface {
     /// True if it contains clips of a recording whose licence is not stated. Those of a simulated one need none.
     pub fn has_unlicensed_clips(&self) -> bool {
-        let provenance = &self.provenance;
+        let Provenance { origin, settings, .. } = &self.provenance;
+        let made =
+            |origin: &str| [Origin::Simulated, Origin::Procedural].map(Origin::as_str).contains(&origin);
         self.texture.as_ref().is_some_and(|texture| texture.clips().is_some())
-            && !matches!(provenance.origin, Origin::Simulated | Origin::Procedural)
-            && !provenance.settings.contains_key(LICENCE)
+            && !made(settings.get(CLIPS_ORIGIN).map_or(origin.as_str(), |origin| origin))
+            && settings.get(LICENCE).is_none_or(|licence| licence.trim().is_empty())
     }
 }
 

@@ -29,6 +29,10 @@ const MOST_POWER_M2_S4: f64 = 1e6;
 const ORDER: usize = 3;
 /// An envelope that counts as silent: -100 dB.
 const SILENT: f64 = 1e-5;
+/// The band-passes ring on for this long, s: the lowest falls to 1/e in 0.03 s.
+const RINGS_S: f64 = 0.35;
+/// Decay of the envelope in the air, s.
+const LIFTED_S: f64 = 0.005;
 
 /// Detects that a tool breaks away.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -284,11 +288,15 @@ impl Layer for Onset {
 struct OnsetVoice {
     onset: Onset,
     step_s: f64,
-    fall: f64,
+    /// Factors of the envelope from one sample to the next, in contact and in the air.
+    falls: [f64; 2],
     break_away: BreakAway,
     speed_m_s: f64,
     force_n: f64,
     envelope: f64,
+    /// Samples for which the filters ring once the envelope is silent, and those left.
+    rings: u32,
+    left: u32,
     noise: Gaussian,
     bands: Vec<Band>,
 }
@@ -314,7 +322,10 @@ impl OnsetVoice {
         Self {
             onset,
             step_s: 1.0 / rate_hz,
-            fall: (-1.0 / (onset.decay_s * rate_hz)).exp(),
+            falls: [onset.decay_s, onset.decay_s.min(LIFTED_S)]
+                .map(|decay_s| (-1.0 / (decay_s * rate_hz)).exp()),
+            rings: (RINGS_S * rate_hz).ceil() as u32,
+            left: 0,
             break_away: BreakAway::new(onset.rest_m_s, onset.slide_m_s),
             speed_m_s: 0.0,
             force_n: 0.0,
@@ -335,21 +346,24 @@ impl LayerVoice for OnsetVoice {
             if let Some(stuck_s) = self.break_away.update(self.speed_m_s, self.force_n, self.step_s) {
                 // A new onset takes the place of one that still sounds.
                 let growth = self.onset.growth(self.force_n, stuck_s);
-                self.envelope = 1.0;
+                (self.envelope, self.left) = (1.0, self.rings);
                 for band in &mut self.bands {
                     band.amplitude = band.unit * (growth * self.onset.powers_m2_s4[band.number]).sqrt();
                 }
             }
-            if self.envelope == 0.0 {
+            if self.left == 0 {
                 continue;
             }
-            let noise = self.envelope * self.noise.next_sample();
+            let noise = if self.envelope > 0.0 { self.envelope * self.noise.next_sample() } else { 0.0 };
             for band in &mut self.bands {
                 *y += band.filter.sample(band.amplitude * noise);
             }
-            self.envelope *= self.fall;
-            if self.envelope < SILENT {
-                self.envelope = 0.0;
+            self.envelope *= self.falls[usize::from(self.force_n <= 0.0)];
+            if self.envelope >= SILENT {
+                continue;
+            }
+            (self.envelope, self.left) = (0.0, self.left - 1);
+            if self.left == 0 {
                 self.bands.iter_mut().for_each(|band| band.filter.reset());
             }
         }
@@ -359,6 +373,7 @@ impl LayerVoice for OnsetVoice {
         let Some(other) = other.downcast_ref::<Self>() else { return };
         self.noise.clone_from(&other.noise);
         (self.break_away.stuck_s, self.envelope) = (other.break_away.stuck_s, other.envelope);
+        self.left = other.left.min(self.rings);
         (self.speed_m_s, self.force_n) = (other.speed_m_s, other.force_n);
         for (new, old) in self.bands.iter_mut().zip(&other.bands) {
             new.filter.copy_state_from(&old.filter);
@@ -409,17 +424,17 @@ mod tests {
         samples.iter().map(|y| y * y).sum::<f64>() / RATE_HZ
     }
 
-    /// A rest, and a slide of 0.6 s.
+    /// A rest, and a slide of 1 s.
     fn stroke(rest_s: f64, force_n: f64) -> Vec<(f64, f64)> {
         let rest = (rest_s / 0.004) as usize;
-        (0..rest + 150).map(|k| (if k < rest { 0.0 } else { 0.1 }, force_n)).collect()
+        (0..rest + 250).map(|k| (if k < rest { 0.0 } else { 0.1 }, force_n)).collect()
     }
 
     #[test]
     fn a_stroke_from_rest_begins_with_a_burst_that_dies_away_and_goes_on_after_a_swap() {
         let path = stroke(0.3, 1.0);
         let whole = played(&mut voice(), &path, 4);
-        assert!(whole[..300].iter().all(|y| *y == 0.0) && whole[800..].iter().all(|y| *y == 0.0));
+        assert!(whole[..300].iter().all(|y| *y == 0.0) && whole[1150..].iter().all(|y| *y == 0.0));
         assert!(energy(&whole[300..400]) > 100.0 * energy(&whole[500..600]));
         for block in [1, 3] {
             assert_eq!(played(&mut voice(), &path, block), whole);
@@ -479,6 +494,20 @@ mod tests {
         let whole = energy(&played(&mut voice(), &path, 4));
         let bound = 200.0 * most * ONSET.powers_m2_s4.iter().sum::<f64>() * 0.5 * ONSET.decay_s;
         assert!(whole < bound, "{whole} of {bound}");
+    }
+
+    #[test]
+    fn the_shortest_burst_rings_out_and_one_in_the_air_ends() {
+        let largest = |samples: &[f64]| samples.iter().fold(0.0_f64, |most, y| most.max(y.abs()));
+        let mut short = OnsetVoice::new(Onset { decay_s: DECAY_S[0], ..ONSET }, RATE_HZ, 1);
+        let burst = played(&mut short, &stroke(0.3, 1.0), 4);
+        let last = burst.iter().rposition(|y| *y != 0.0).expect("it sounds");
+        assert!(last + 1 < burst.len() && burst[last].abs() < 1e-3 * largest(&burst), "{}", burst[last]);
+        let mut lifted = stroke(0.3, 1.0);
+        lifted[78..].iter_mut().for_each(|(_, force_n)| *force_n = 0.0);
+        let [whole, lifted] = [stroke(0.3, 1.0), lifted].map(|path| played(&mut voice(), &path, 4));
+        let after = |burst: &[f64]| energy(&burst[4 * 78 + 50..]);
+        assert!(after(&lifted) < 0.2 * after(&whole), "{} of {}", after(&lifted), after(&whole));
     }
 
     #[test]

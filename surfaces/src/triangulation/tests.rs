@@ -125,7 +125,7 @@ fn on_the_border_only_border_vertices_weigh() {
 #[test]
 fn saturation_takes_anything() {
     let (_, map) = random_map(3, 4);
-    assert_eq!(map.saturate(f64::NAN, f64::INFINITY), (0.0, map.max_force_n()));
+    assert_eq!(map.saturate(f64::NAN, f64::INFINITY), (0.0, 0.0));
     assert_eq!(map.saturate(-1.0, f64::NEG_INFINITY), (0.0, 0.0));
     assert_eq!(map.saturate(9.0, 0.5), (map.max_speed_m_s(), 0.5));
 }
