@@ -18,6 +18,8 @@ use std::sync::Arc;
 /// Fewest strokes of which an onset is learned, and of which its growth is; without that it is constant.
 const FEWEST: usize = 8;
 const FEWEST_FOR_GROWTH: usize = 20;
+/// Longest beginning of a recording of which an onset is learned, samples.
+const MOST_SAMPLES: usize = 1 << 20;
 /// Renderings of the texture of which its own powers are the mean.
 const SEEDS: u64 = 4;
 /// Decays that are tried, s.
@@ -192,9 +194,17 @@ fn without_onsets(recording: &ProcessedRecording) -> Option<ProcessedRecording> 
 /// # Errors
 /// [`NoOnset`].
 fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Result<Onset, NoOnset> {
-    let observed = recordings.iter().zip(enough_strokes(recordings)?);
-    let observed: Vec<Observed> =
-        observed.flat_map(|(recording, strokes)| observe(recording, strokes, texture)).collect();
+    let mut observed = vec![];
+    for (recording, strokes) in recordings.iter().zip(enough_strokes(recordings)?) {
+        match beginning(recording) {
+            None => observed.extend(observe(recording, strokes, texture)),
+            Some(first) => {
+                let whole = |stroke: &Stroke| stroke.start + (first.rate_hz() as usize) < first.samples();
+                let strokes = strokes.into_iter().filter(whole).collect();
+                observed.extend(observe(&first, strokes, texture));
+            }
+        }
+    }
     let strokes = observed.len();
     let excess = |of: fn(&OnsetPowers) -> [f64; 3]| -> [f64; 3] {
         [0, 1, 2].map(|band| {
@@ -245,8 +255,22 @@ fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Resu
     onset.checked().map_err(|_| NoOnset::Range { strokes })
 }
 
+/// As much of a long recording as its onset is learned from: rendering all of it would take several times its memory.
+fn beginning(recording: &ProcessedRecording) -> Option<ProcessedRecording> {
+    let (signals, most) = (recording.signals(), MOST_SAMPLES);
+    let first = |all: &[f64]| all[..most].to_vec();
+    let cut = (recording.samples() > most).then(|| Signals {
+        rate_hz: signals.rate_hz,
+        acceleration_m_s2: first(&signals.acceleration_m_s2),
+        force_normal_n: first(&signals.force_normal_n),
+        speed_m_s: first(&signals.speed_m_s),
+        ..Signals::default()
+    });
+    ProcessedRecording::new(cut?, recording.gesture(), recording.provenance().clone()).ok()
+}
+
 /// The strokes from rest of each recording.
-pub(super) fn enough_strokes(recordings: &[ProcessedRecording]) -> Result<Vec<Vec<Stroke>>, NoOnset> {
+fn enough_strokes(recordings: &[ProcessedRecording]) -> Result<Vec<Vec<Stroke>>, NoOnset> {
     let found = recordings.iter().map(|recording| {
         let signals = recording.signals();
         strokes(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz)

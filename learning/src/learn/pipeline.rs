@@ -1,6 +1,6 @@
 //! Learns the parts of a surface from the available recordings.
 
-use super::breakaway::{NoOnset, OnsetShown, enough_strokes, learn_with_onset, static_peak};
+use super::breakaway::{NoOnset, OnsetShown, learn_with_onset, static_peak};
 use super::friction::{FrictionError, FrictionFit, FrictionReport, FrictionSettings, learn_friction};
 use super::law::LawSettings;
 use super::method::TextureMethod;
@@ -212,7 +212,7 @@ pub fn learn(
     if !drags.is_empty() {
         let learned = learn_with_onset(&settings.texture, &drags, &|part| progress(0.3 + 0.5 * part))?;
         (surface.texture, report.texture) = (Some(learned.texture), Some(learned.report));
-        has_strokes = enough_strokes(&drags).is_ok();
+        has_strokes = learned.onset.is_ok();
         (report.onset, report.drags) = (Some(learned.onset), learned.slides.unwrap_or(drags));
     }
     surface.provenance.settings.extend(copied_origin(recordings, &surface));
