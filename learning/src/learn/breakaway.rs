@@ -16,7 +16,7 @@ use haptograph_surfaces::{StaticPeak, TextureModel};
 use std::sync::Arc;
 
 /// Fewest strokes of which an onset is learned, and of which its growth is; without that it is constant.
-const FEWEST: usize = 8;
+const FEWEST: usize = 20;
 const FEWEST_FOR_GROWTH: usize = 20;
 /// Longest beginning of a recording of which an onset is learned, samples.
 const MOST_SAMPLES: usize = 1 << 20;
