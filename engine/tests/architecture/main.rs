@@ -94,7 +94,7 @@ const LAYERS: [&[&str]; 7] = [
     &["signal"],
     &["engine", "surfaces"],
     &["nodes", "learning"],
-    &["live", "report"],
+    &["live", "report", "study"],
     &["studio"],
     &[".", "bindings/c", "studio/wasm"],
     &["bindings/python", "benches/instructions"],

@@ -13,7 +13,7 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
-const BUDGETS: [(&str, usize, usize); 10] = [
+const BUDGETS: [(&str, usize, usize); 11] = [
     ("signal", 5_810, 4_800),
     ("engine", 19_470, 15_500),
     // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks.
@@ -25,6 +25,8 @@ const BUDGETS: [(&str, usize, usize); 10] = [
     ("nodes", 14_365, 13_000),
     ("live", 6_510, 6_000),
     ("report", 7_745, 6_000),
+    // Studies with people, new in this house.
+    ("study", 4_000, 4_000),
     ("studio", 5_250, 3_300),
     ("src", 9_245, 6_300),
     ("bindings", 3_450, 3_100),
@@ -32,7 +34,7 @@ const BUDGETS: [(&str, usize, usize); 10] = [
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
-const PUBLIC: [(&str, usize); 10] = [
+const PUBLIC: [(&str, usize); 11] = [
     ("signal", 365),
     ("engine", 726),
     ("surfaces", 387),
@@ -40,6 +42,7 @@ const PUBLIC: [(&str, usize); 10] = [
     ("nodes", 411),
     ("live", 228),
     ("report", 147),
+    ("study", 90),
     ("studio", 50),
     ("src", 20),
     ("bindings", 45),

@@ -1,0 +1,3 @@
+//! Studies with people: the document, the order of trials, what is kept, and statistics.
+
+pub mod statistics;

@@ -1,0 +1,1 @@
+//! Tests, intervals and fits of what participants answered.
