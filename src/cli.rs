@@ -37,6 +37,7 @@ mod simulate_recording;
 mod snippet;
 mod stderr;
 mod studio;
+mod study;
 mod surface;
 mod sweep;
 mod table;
@@ -154,6 +155,10 @@ fn commands() -> Vec<Command> {
             .example("run graphs/texturepad.ron --live --watch"),
         Command::new("check", check::run).example("check graphs/omni.ron --plan"),
         Command::new("studio", studio::run).example("studio graphs/texturepad.ron"),
+        Command::new("study", study::run)
+            .example("study check graphs/studies/first.ron")
+            .example("study plan graphs/studies/first.ron --participant P07")
+            .example("study simulate graphs/studies/first.ron --people 12"),
         Command::new("recover", recover::run).example("recover out/texturepad.partial-1"),
         Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),
         Command::new("batch", batch::run)

@@ -25,6 +25,8 @@ pub(crate) use live::same;
 pub use live::{LiveId, LiveSetting, MAX_LIVE_ITEMS, SettingId, TypedId};
 pub(crate) use rated::check_at;
 pub use unit::{Scale, check_unit};
+pub use values::Named;
+pub(crate) use values::{named_values, twice};
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Shape, Tagged, Value};

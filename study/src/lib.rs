@@ -1,3 +1,9 @@
 //! Studies with people: the document, the order of trials, what is kept, and statistics.
 
+pub mod check;
+pub mod data;
+pub mod document;
+pub mod order;
+pub mod people;
+pub mod progress;
 pub mod statistics;

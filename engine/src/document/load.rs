@@ -1,9 +1,9 @@
 //! Files into documents: inclusion, and the structure of `Graph(...)`, `Parts(...)` and `Template(...)`.
 
 use super::value::{Body, Name, Shape, Tagged, Value};
-use super::{Document, LoadOptions, Template, folder, text as ron_text};
+use super::{Document, LoadOptions, SettingsFile, Template, folder, text as ron_text};
 use crate::diagnostic::{Diagnostic, Diagnostics, MAX_SHOWN, SourceId, Sources, Span};
-use crate::settings::{Expected, Fields, Form, Reading, Setting, closest};
+use crate::settings::{Expected, Fields, Form, Reading, Setting, Settings, closest, named_values, twice};
 use haptograph_signal::files::{self, Refusal};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -32,6 +32,27 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
             let list = vec![diagnostic];
             Err(Diagnostics { sources, list })
         }
+    }
+}
+
+/// A file that holds one `S(format: 1, ...)` and is no graph; `file` is its name in messages.
+pub(super) fn settings<S: Settings>(path: &Path, text: Arc<str>, file: &str) -> Result<SettingsFile<S>, Diagnostics> {
+    let mut sources = Sources::default();
+    let id = sources.add(path.to_path_buf(), Arc::clone(&text));
+    let mut loader = Loader::of(empty(sources));
+    let content = ron_text::read(id, &text, &mut loader.document.findings).and_then(|value| {
+        let mut fields = loader.structure(value, S::NAME, file)?;
+        loader.format(&mut fields, S::NAME)?;
+        loader.reading(|reading| {
+            let content = S::take_from(&mut fields, reading);
+            fields.finish(reading);
+            content
+        })
+    });
+    let Document { sources, findings, .. } = loader.document;
+    match content.filter(|_| findings.is_empty()) {
+        Some(content) => Ok(SettingsFile { sources, content }),
+        None => Err(Diagnostics { sources, list: findings }),
     }
 }
 
@@ -267,49 +288,7 @@ impl Loader {
     }
 
     fn map(&mut self, value: Value, what: &str) -> Vec<(Name, Value)> {
-        let pairs = match value.shape {
-            Shape::Map(pairs) => pairs,
-            shape => {
-                let expected = Expected::described(format!("a map from names, {{ \"{what}\": ... }}"));
-                let value = Value { span: value.span, shape };
-                self.reading(|reading| reading.mismatch(&value, &expected));
-                return Vec::new();
-            }
-        };
-        if are_distinct_names(&pairs) {
-            let mut entries = Vec::with_capacity(pairs.len());
-            entries.extend(pairs.into_iter().filter_map(|(key, value)| match key.shape {
-                Shape::String(text) => Some((Name { span: key.span, text }, value)),
-                _ => None,
-            }));
-            return entries;
-        }
-        let mut seen: HashMap<String, Span> = HashMap::with_capacity(pairs.len());
-        let mut entries = Vec::with_capacity(pairs.len());
-        for (key, value) in pairs {
-            let span = key.span;
-            let text = match key.shape {
-                Shape::String(text) => text,
-                shape => {
-                    let words = format!("the name of a {what} in quotes");
-                    let expected = Expected::Described(Form::Quoted, words.into());
-                    let key = Value { span, shape };
-                    self.reading(|reading| reading.mismatch(&key, &expected));
-                    // What was meant is known: others may refer to it.
-                    match key.bare_name() {
-                        Some(name) => name.to_owned(),
-                        None => continue,
-                    }
-                }
-            };
-            if let Some(first) = seen.get(&text) {
-                self.report(twice(span, what, &text, *first));
-                continue;
-            }
-            seen.insert(text.clone(), span);
-            entries.push((Name { span, text }, value));
-        }
-        entries
+        self.reading(|reading| named_values(value, what, reading))
     }
 
     fn includes(&mut self, fields: &mut Fields) {
@@ -471,18 +450,6 @@ impl Loader {
         }
         names
     }
-}
-
-/// True if nothing is to be said of the keys of a map from names.
-fn are_distinct_names(pairs: &[(Value, Value)]) -> bool {
-    let mut seen = HashSet::with_capacity(pairs.len());
-    pairs.iter().all(|(key, _)| matches!(&key.shape, Shape::String(text) if seen.insert(text.as_str())))
-}
-
-/// The error of a name that is declared again.
-fn twice(span: Span, what: &str, name: &str, first: Span) -> Diagnostic {
-    let message = format!("there are two {what}s `{name}`");
-    Diagnostic::declared_twice(span, message, first).help("rename or remove one of them")
 }
 
 fn check_names(entries: &[(Name, Value)], what: &str, findings: &mut Vec<Diagnostic>) {

@@ -9,6 +9,7 @@ pub mod value;
 mod write;
 
 use crate::diagnostic::{Diagnostic, Diagnostics, Source, SourceId, Sources, Span};
+use crate::settings::Settings;
 use haptograph_signal::files::MAX_GRAPH_BYTES;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -63,6 +64,31 @@ pub struct LoadOptions {
 impl Default for LoadOptions {
     fn default() -> Self {
         Self { max_bytes: MAX_GRAPH_BYTES }
+    }
+}
+
+/// A file of settings that is no graph, such as a study.
+#[derive(Debug, Clone)]
+pub struct SettingsFile<S> {
+    /// The file.
+    pub sources: Sources,
+    /// What it holds.
+    pub content: S,
+}
+
+impl<S: Settings> SettingsFile<S> {
+    /// Parses a text that holds one `S(format: 1, ...)`, as if it were the file `name`; `file` is what messages call such a
+    /// file. Paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// If the text is not RON, or a field is missing, unknown or wrong: all of them.
+    pub fn parse(name: impl AsRef<Path>, text: &str, file: &str) -> Result<Self, Diagnostics> {
+        load::settings(name.as_ref(), text.into(), file)
+    }
+
+    /// The text at a place of the file.
+    pub fn text(&self, span: Span) -> &str {
+        self.sources.get(span.source).and_then(|source| source.text.get(span.start..span.end)).unwrap_or_default()
     }
 }
 

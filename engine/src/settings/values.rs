@@ -1,9 +1,10 @@
 //! The types that settings can have.
 
-use super::{Expected, Part, Reading, Scale, Setting};
+use super::{Expected, Form, Part, Reading, Scale, Setting};
 use crate::diagnostic::{Diagnostic, Span};
-use crate::document::value::{Body, Shape, Tagged, Value};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use haptograph_signal::files::{self, Roots};
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 
 impl Setting for f64 {
@@ -173,6 +174,127 @@ impl<T: Setting> Setting for Vec<T> {
     }
     fn numbers(&self) -> Vec<f64> {
         self.iter().flat_map(T::numbers).collect()
+    }
+}
+
+/// A map from names, in the order of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Named<T>(pub Vec<(Name, T)>);
+
+impl<T> Default for Named<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T> Named<T> {
+    /// The number of an entry.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.0.iter().position(|(known, _)| known.text == name)
+    }
+}
+
+impl<T: Setting> Setting for Named<T> {
+    fn expected() -> Expected {
+        Expected::described("a map from names, { \"name\": ... }".to_owned())
+    }
+    fn parts() -> Vec<Part> {
+        T::parts()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        let before = reading.diagnostics.len();
+        let entries = named_values(value.clone(), "name", reading);
+        let read = entries.into_iter().map(|(name, value)| Some((name, T::read(&value, reading)?)));
+        // Every entry is read, so that all errors are seen at once.
+        let read: Vec<_> = read.collect();
+        let read: Option<Vec<_>> = read.into_iter().collect();
+        read.filter(|_| reading.diagnostics.len() == before).map(Self)
+    }
+    fn value(&self) -> Value {
+        Value::map(self.0.iter().map(|(name, value)| (name.text.as_str(), value.value())))
+    }
+}
+
+/// The entries of a map from names; reports any other value, and names given twice.
+pub(crate) fn named_values(value: Value, what: &str, reading: &mut Reading<'_>) -> Vec<(Name, Value)> {
+    let pairs = match value.shape {
+        Shape::Map(pairs) => pairs,
+        shape => {
+            let expected = Expected::described(format!("a map from names, {{ \"{what}\": ... }}"));
+            reading.mismatch(&Value { span: value.span, shape }, &expected);
+            return Vec::new();
+        }
+    };
+    if are_distinct_names(&pairs) {
+        let mut entries = Vec::with_capacity(pairs.len());
+        entries.extend(pairs.into_iter().filter_map(|(key, value)| match key.shape {
+            Shape::String(text) => Some((Name { span: key.span, text }, value)),
+            _ => None,
+        }));
+        return entries;
+    }
+    let mut seen: HashMap<String, Span> = HashMap::with_capacity(pairs.len());
+    let mut entries = Vec::with_capacity(pairs.len());
+    for (key, value) in pairs {
+        let span = key.span;
+        let text = match key.shape {
+            Shape::String(text) => text,
+            shape => {
+                let words = format!("the name of a {what} in quotes");
+                let key = Value { span, shape };
+                reading.mismatch(&key, &Expected::Described(Form::Quoted, words.into()));
+                // What was meant is known: others may refer to it.
+                match key.bare_name() {
+                    Some(name) => name.to_owned(),
+                    None => continue,
+                }
+            }
+        };
+        if let Some(first) = seen.get(&text) {
+            reading.diagnostics.push(twice(span, what, &text, *first));
+            continue;
+        }
+        seen.insert(text.clone(), span);
+        entries.push((Name { span, text }, value));
+    }
+    entries
+}
+
+/// True if nothing is to be said of the keys of a map from names.
+fn are_distinct_names(pairs: &[(Value, Value)]) -> bool {
+    let mut seen = HashSet::with_capacity(pairs.len());
+    pairs.iter().all(|(key, _)| matches!(&key.shape, Shape::String(text) if seen.insert(text.as_str())))
+}
+
+/// The error of a name that is declared again.
+pub(crate) fn twice(span: Span, what: &str, name: &str, first: Span) -> Diagnostic {
+    let message = format!("there are two {what}s `{name}`");
+    Diagnostic::declared_twice(span, message, first).help("rename or remove one of them")
+}
+
+/// Any value, for what only a graph can check.
+impl Setting for Value {
+    fn expected() -> Expected {
+        Expected::described("a value".to_owned())
+    }
+    fn read(value: &Value, _: &mut Reading<'_>) -> Option<Self> {
+        Some(value.clone())
+    }
+    fn value(&self) -> Value {
+        self.clone()
+    }
+}
+
+/// A text with its place, for messages.
+impl Setting for Name {
+    fn expected() -> Expected {
+        Expected::Text
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        String::read(value, reading).map(|text| Self { span: value.span, text })
+    }
+    fn value(&self) -> Value {
+        Value::text(&self.text)
     }
 }
 

@@ -1,0 +1,452 @@
+//! The folder of a study: tables that grow by a line a trial, on disk before the next trial.
+
+use crate::check::Checked;
+use haptograph_signal::files::write_atomically;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A line of `trials.csv`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[allow(missing_docs)] // see CODEBOOK
+pub struct Row {
+    pub participant: String,
+    pub group: String,
+    pub trial: u32,
+    pub attempt: u32,
+    pub status: Status,
+    pub phase: String,
+    pub training: bool,
+    /// The scale, or the question.
+    pub scale: String,
+    pub first_surface: String,
+    pub first_version: String,
+    pub second_surface: String,
+    pub second_version: String,
+    pub second_is_left_or_earlier: bool,
+    pub level: Option<f64>,
+    pub rating: Option<f64>,
+    pub choice: String,
+    pub is_right: Option<bool>,
+    pub text: String,
+    pub exploration_s: f64,
+    pub response_s: f64,
+    pub simulated: bool,
+    pub session: String,
+    pub time_utc: String,
+    pub surface_sha256: String,
+}
+
+/// How a trial ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// With an answer.
+    #[default]
+    Answered,
+    /// With an answer that the experimenter opened before its conditions were reached.
+    Forced,
+    /// Without an answer.
+    Skipped,
+}
+
+/// A line of `measures.csv`: a number of a trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)] // see CODEBOOK
+pub struct Measure {
+    pub participant: String,
+    pub trial: u32,
+    pub attempt: u32,
+    pub name: String,
+    pub value: f64,
+    pub unit: String,
+}
+
+/// A line of `participants.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)] // see CODEBOOK
+pub struct Participant {
+    pub participant: String,
+    pub group: String,
+    pub consent_utc: String,
+    pub withdrawn_utc: String,
+    pub simulated: bool,
+}
+
+/// What each column means, as `codebook.md`.
+const CODEBOOK: &str = "\
+# Codebook
+
+UTF-8, comma separated, one header line, empty where there is no value, `true` and `false`.
+
+## participants.csv: a line for each participant
+
+| column | meaning |
+|---|---|
+| participant | code; only the experimenter's own list says who it is |
+| group | group of the study |
+| consent_utc | when the participant agreed |
+| withdrawn_utc | when the participant's data were removed; then nothing else is kept |
+| simulated | true for a participant who does not exist |
+
+## trials.csv: a line for each attempt at a trial; of several attempts the last counts
+
+| column | meaning |
+|---|---|
+| participant, group, simulated | as above |
+| trial | number in the participant's plan, from 1 |
+| attempt | from 1; more than one if the experimenter repeated the trial |
+| status | answered, forced (opened by the experimenter before its conditions were reached), skipped |
+| phase | name of the phase |
+| training | true for a training trial, which is not analysed |
+| scale | scale, or question |
+| first_surface, first_version | what was presented; `real`, or the version of the virtual surface |
+| second_surface, second_version | what it was compared with |
+| second_is_left_or_earlier | true if the second one was on the left, or came first |
+| level | value of the varied parameter in the second one |
+| rating | 0 at the left end of the scale, 1 at the right one; the number of an answer |
+| choice | the chosen one (first, second), or the chosen answer |
+| is_right | true if the higher level was chosen |
+| text | answer in words |
+| exploration_s | from the beginning of the trial until the answer opened, s |
+| response_s | from then on until the answer was confirmed, s |
+| session | run of the program that wrote the line |
+| time_utc | when it was written |
+| surface_sha256 | hash of the surface's file |
+
+## measures.csv: a number of a trial, in the unit of its line
+
+Conditions (what was gained during the trial) by their names.
+";
+
+/// Why data cannot be read or kept.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // see the messages
+pub enum DataError {
+    #[error("{}: {message}", path.display())]
+    File { path: PathBuf, message: String },
+    #[error("{} holds data of another version of the study; finish with that one, or give another folder", path.display())]
+    OtherStudy { path: PathBuf },
+    #[error("{} holds data of {there} participants; give another folder", path.display())]
+    Mixed { path: PathBuf, there: &'static str },
+    #[error("participant {code} is being run by another program")]
+    Busy { code: String },
+    #[error("participant {code} was continued elsewhere after this session began: this answer is not kept")]
+    OtherSession { code: String },
+    #[error("`{code}` cannot be a code: use up to 32 letters, digits, `-` and `_`")]
+    Code { code: String },
+    #[error("participant {code} has withdrawn; take another code")]
+    Withdrawn { code: String },
+    #[error("there is no participant {code} in {}", path.display())]
+    Unknown { code: String, path: PathBuf },
+}
+
+/// A study's folder.
+#[derive(Debug, Clone)]
+pub struct Folder {
+    path: PathBuf,
+}
+
+/// A participant whose trials this program alone adds to.
+#[derive(Debug)]
+pub struct Claim {
+    folder: Folder,
+    /// The participant.
+    pub participant: Participant,
+    session: String,
+    /// Attempts so far.
+    known: usize,
+    _lock: File,
+}
+
+fn wrong(path: &Path, message: impl std::fmt::Display) -> DataError {
+    DataError::File { path: path.to_path_buf(), message: message.to_string() }
+}
+
+/// The time, as `2031-07-04T12:30:00Z`.
+fn now_utc() -> String {
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |passed| passed.as_secs());
+    let (days, rest) = (seconds / 86_400, seconds % 86_400);
+    // The civil calendar from days: Hinnant, "chrono-compatible low-level date algorithms".
+    let from_march = days + 719_468;
+    let (era, of_era) = (from_march / 146_097, from_march % 146_097);
+    let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = year + era * 400 + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", rest / 3600, rest / 60 % 60, rest % 60)
+}
+
+/// The lines of a table. A last line without its end was never confirmed, and is left out.
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
+    let text = match fs::read(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(wrong(path, error)),
+    };
+    let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    csv::Reader::from_reader(&text[..whole])
+        .deserialize()
+        .collect::<Result<Vec<T>, _>>()
+        .map_err(|error| wrong(path, error))
+}
+
+fn lines<T: Serialize>(rows: &[T], has_header: bool) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::WriterBuilder::new().has_headers(has_header).from_writer(Vec::new());
+    rows.iter().try_for_each(|row| writer.serialize(row))?;
+    writer.into_inner().map_err(|error| error.into_error().into())
+}
+
+/// Adds lines to a table and waits until they are on disk. What an interrupted writer left of a line is cut off.
+fn append<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), DataError> {
+    let add = || -> io::Result<()> {
+        let mut file = OpenOptions::new().read(true).append(true).create(true).open(path)?;
+        file.lock()?;
+        let text = fs::read(path)?;
+        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+        if whole < text.len() {
+            file.set_len(whole as u64)?;
+        }
+        file.write_all(&lines(rows, whole == 0)?)?;
+        file.sync_data()
+    };
+    add().map_err(|error| wrong(path, error))
+}
+
+/// Replaces a table.
+fn replace<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), DataError> {
+    let text = lines(rows, true).map_err(|error| wrong(path, error))?;
+    write_atomically(path, &text).map_err(|error| wrong(path, error))
+}
+
+impl Folder {
+    /// Opens a study's folder, or begins one.
+    ///
+    /// # Errors
+    /// If it holds data of another study, or if simulated and other participants would be mixed.
+    pub fn open(path: &Path, study: &Checked, is_simulated: bool) -> Result<Self, DataError> {
+        let folder = Self { path: path.to_path_buf() };
+        fs::create_dir_all(path).map_err(|error| wrong(path, error))?;
+        let own = path.join("study.json");
+        let about = serde_json::json!({
+            "study": study.path.file_name().map(|name| name.to_string_lossy()),
+            "study_sha256": study.sha256,
+            "about": study.study.about,
+            "simulated": is_simulated,
+            "haptograph": env!("CARGO_PKG_VERSION"),
+            "graph_sha256": study.graph_sha256(),
+            "parameters": study.study.settings.0.iter().map(|(name, _)| &name.text).collect::<Vec<_>>(),
+        });
+        match fs::read(&own) {
+            Ok(text) => {
+                let before: serde_json::Value =
+                    serde_json::from_slice(&text).map_err(|error| wrong(&own, error))?;
+                if before["study_sha256"] != about["study_sha256"] || before["graph_sha256"] != about["graph_sha256"] {
+                    return Err(DataError::OtherStudy { path: folder.path });
+                }
+                if before["simulated"] != about["simulated"] {
+                    let there = if is_simulated { "real" } else { "simulated" };
+                    return Err(DataError::Mixed { path: folder.path, there });
+                }
+            }
+            Err(_) => {
+                let text = serde_json::to_vec_pretty(&about).map_err(|error| wrong(&own, error))?;
+                let book = path.join("codebook.md");
+                write_atomically(&book, CODEBOOK.as_bytes()).map_err(|error| wrong(&book, error))?;
+                write_atomically(&own, &text).map_err(|error| wrong(&own, error))?;
+            }
+        }
+        Ok(folder)
+    }
+
+    /// A folder that exists.
+    ///
+    /// # Errors
+    /// If it is not of a study.
+    pub fn existing(path: &Path) -> Result<Self, DataError> {
+        let own = path.join("study.json");
+        fs::metadata(&own).map_err(|error| wrong(&own, error))?;
+        Ok(Self { path: path.to_path_buf() })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn table(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// All attempts, in the order in which they were made.
+    ///
+    /// # Errors
+    /// If the table cannot be read.
+    pub fn rows(&self) -> Result<Vec<Row>, DataError> {
+        read(&self.table("trials.csv"))
+    }
+
+    /// The trials that count: of several attempts the last. Those that were skipped are not among them.
+    ///
+    /// # Errors
+    /// If the table cannot be read.
+    pub fn answers(&self) -> Result<Vec<Row>, DataError> {
+        let mut rows = self.rows()?;
+        let mut seen = BTreeSet::new();
+        rows.reverse();
+        rows.retain(|row| seen.insert((row.participant.clone(), row.trial)));
+        rows.reverse();
+        rows.retain(|row| row.status != Status::Skipped);
+        Ok(rows)
+    }
+
+    /// The numbers of the trials that are kept.
+    ///
+    /// # Errors
+    /// If a table cannot be read.
+    pub fn measures(&self) -> Result<Vec<Measure>, DataError> {
+        let kept: BTreeSet<(String, u32, u32)> =
+            self.rows()?.into_iter().map(|row| (row.participant, row.trial, row.attempt)).collect();
+        let mut measures: Vec<Measure> = read(&self.table("measures.csv"))?;
+        // An interrupted trial leaves numbers, but no line of its own.
+        measures.retain(|of| kept.contains(&(of.participant.clone(), of.trial, of.attempt)));
+        Ok(measures)
+    }
+
+    /// The participants.
+    ///
+    /// # Errors
+    /// If the table cannot be read.
+    pub fn participants(&self) -> Result<Vec<Participant>, DataError> {
+        read(&self.table("participants.csv"))
+    }
+
+    /// Takes a participant for this program alone: one who came before, or a new one of this group who has agreed.
+    ///
+    /// # Errors
+    /// If the code is not one, the participant has withdrawn, or another program runs it.
+    pub fn claim(&self, code: &str, group: &str, is_simulated: bool) -> Result<Claim, DataError> {
+        let is_code = (1..=32).contains(&code.len())
+            && code.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'));
+        if !is_code {
+            return Err(DataError::Code { code: code.to_owned() });
+        }
+        let locks = self.path.join("locks");
+        fs::create_dir_all(&locks).map_err(|error| wrong(&locks, error))?;
+        let path = locks.join(code);
+        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+        let lock = lock.map_err(|error| wrong(&path, error))?;
+        lock.try_lock().map_err(|_| DataError::Busy { code: code.to_owned() })?;
+        let before = self.participants()?.into_iter().find(|known| known.participant == code);
+        let participant = match before {
+            Some(known) if !known.withdrawn_utc.is_empty() => {
+                return Err(DataError::Withdrawn { code: code.to_owned() });
+            }
+            Some(known) => known,
+            None => {
+                let new = Participant {
+                    participant: code.to_owned(),
+                    group: group.to_owned(),
+                    consent_utc: now_utc(),
+                    withdrawn_utc: String::new(),
+                    simulated: is_simulated,
+                };
+                append(&self.table("participants.csv"), std::slice::from_ref(&new))?;
+                new
+            }
+        };
+        let known = self.rows()?.iter().filter(|row| row.participant == code).count();
+        let session = format!("{}-{}", now_utc(), std::process::id());
+        Ok(Claim { folder: self.clone(), participant, session, known, _lock: lock })
+    }
+
+    /// Removes what a participant left, but for a line that says so; what was removed, in words.
+    ///
+    /// # Errors
+    /// If there is no such participant, or a file cannot be changed.
+    pub fn remove(&self, code: &str) -> Result<String, DataError> {
+        let mut participants = self.participants()?;
+        let Some(known) = participants.iter_mut().find(|known| known.participant == code) else {
+            return Err(DataError::Unknown { code: code.to_owned(), path: self.path.clone() });
+        };
+        let _claim = self.claim(code, "", false)?;
+        (known.withdrawn_utc, known.consent_utc, known.group) = (now_utc(), String::new(), String::new());
+        replace(&self.table("participants.csv"), &participants)?;
+        let mut rows = self.rows()?;
+        let trials = rows.len();
+        rows.retain(|row| row.participant != code);
+        let trials = trials - rows.len();
+        let mut measures: Vec<Measure> = read(&self.table("measures.csv"))?;
+        let numbers = measures.len();
+        measures.retain(|measure| measure.participant != code);
+        let numbers = numbers - measures.len();
+        replace(&self.table("trials.csv"), &rows)?;
+        replace(&self.table("measures.csv"), &measures)?;
+        let signals = self.path.join("signals").join(code);
+        let runs = fs::read_dir(&signals).map_or(0, Iterator::count);
+        if runs > 0 {
+            fs::remove_dir_all(&signals).map_err(|error| wrong(&signals, error))?;
+        }
+        Ok(format!("removed {trials} trials, {numbers} measures and {runs} recordings of participant {code}"))
+    }
+}
+
+impl Claim {
+    /// The participant's attempts so far.
+    ///
+    /// # Errors
+    /// If the table cannot be read.
+    pub fn rows(&self) -> Result<Vec<Row>, DataError> {
+        let mut rows = self.folder.rows()?;
+        rows.retain(|row| row.participant == self.participant.participant);
+        Ok(rows)
+    }
+
+    /// Keeps a trial: when this returns, it is on disk.
+    ///
+    /// # Errors
+    /// If a file cannot be written, or another program continued the participant.
+    pub fn keep(&mut self, row: Row, measures: &[(String, f64, String)]) -> Result<Row, DataError> {
+        let code = &self.participant.participant;
+        let before = self.rows()?;
+        if before.len() != self.known {
+            return Err(DataError::OtherSession { code: code.clone() });
+        }
+        let attempt = before.iter().filter(|known| known.trial == row.trial).count() as u32 + 1;
+        let row = Row {
+            participant: code.clone(),
+            group: self.participant.group.clone(),
+            attempt,
+            simulated: self.participant.simulated,
+            session: self.session.clone(),
+            time_utc: now_utc(),
+            // A trial is a line.
+            text: row.text.split_whitespace().collect::<Vec<_>>().join(" "),
+            ..row
+        };
+        let measures: Vec<Measure> = measures
+            .iter()
+            .map(|(name, value, unit)| Measure {
+                participant: code.clone(),
+                trial: row.trial,
+                attempt,
+                name: name.clone(),
+                value: *value,
+                unit: unit.clone(),
+            })
+            .collect();
+        if !measures.is_empty() {
+            append(&self.folder.table("measures.csv"), &measures)?;
+        }
+        // Last: with this line the trial is complete.
+        append(&self.folder.table("trials.csv"), std::slice::from_ref(&row))?;
+        self.known += 1;
+        Ok(row)
+    }
+}

@@ -1,0 +1,419 @@
+//! The trials of a participant, drawn from the study's seed and the participant's code alone.
+
+use crate::document::{Arrange, Factor, Level, Phase, Presented, Study};
+use haptograph_engine::document::value::Name;
+use haptograph_engine::settings::Named;
+use haptograph_signal::noise::stream_seed;
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
+
+/// What is presented: a surface, real or in one of the versions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stimulus {
+    /// Number of the surface.
+    pub surface: usize,
+    /// Number of the version; `None` for the real one.
+    pub version: Option<usize>,
+}
+
+/// A trial.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Trial {
+    /// Its number in the participant's plan, from 1.
+    pub number: u32,
+    /// Number of the phase.
+    pub phase: usize,
+    /// True before the phase's own trials; it is not analysed.
+    pub is_training: bool,
+    /// Number of the question.
+    pub question: Option<usize>,
+    /// Number of the scale.
+    pub scale: Option<usize>,
+    /// What is presented; in a comparison the real surface or the standard.
+    pub first: Option<Stimulus>,
+    /// What is presented beside it or after it.
+    pub second: Option<Stimulus>,
+    /// True if the second one is on the left, or comes first.
+    pub is_swapped: bool,
+    /// The parameter's value in the second one. In a staircase it follows from the answers.
+    pub level: Option<f64>,
+}
+
+impl Study {
+    /// Number of versions; a study without any has one.
+    pub fn version_count(&self) -> usize {
+        self.versions.0.len().max(1)
+    }
+
+    /// Name of a version.
+    pub fn version_name(&self, version: usize) -> &str {
+        self.versions.0.get(version).map_or("virtual", |(name, _)| &name.text)
+    }
+
+    /// Name of a group; of a study without groups, `all`.
+    pub fn group_name(&self, group: usize) -> &str {
+        self.groups.0.get(group).map_or("all", |(name, _)| &name.text)
+    }
+
+    /// True if a phase belongs to a group.
+    pub fn is_of_group(&self, phase: usize, group: usize) -> bool {
+        let groups = self.phases.0[phase].1.groups();
+        groups.is_empty() || groups.iter().any(|name| name.text == self.group_name(group))
+    }
+
+    /// The numbers of some entries, or of all.
+    fn some<T>(names: &[Name], of: &Named<T>) -> Vec<usize> {
+        match names.is_empty() {
+            true => (0..of.0.len()).collect(),
+            false => names.iter().filter_map(|name| of.find(&name.text)).collect(),
+        }
+    }
+
+    /// Some versions, or all.
+    pub(crate) fn some_versions(&self, names: &[Name]) -> Vec<usize> {
+        match names.is_empty() {
+            true => (0..self.version_count()).collect(),
+            false => Self::some(names, &self.versions),
+        }
+    }
+
+    /// The stimuli that are presented of some surfaces, or of all. A surface without a file has no virtual one, one without a
+    /// sample no real one.
+    pub(crate) fn stimuli(&self, presented: &[Presented], surfaces: &[Name]) -> Vec<Stimulus> {
+        let mut all = Vec::new();
+        for surface in Self::some(surfaces, &self.surfaces) {
+            let of = &self.surfaces.0[surface].1;
+            for presented in presented {
+                let versions = match presented {
+                    Presented::Real => of.sample.iter().map(|_| None).collect(),
+                    Presented::Virtual(_) if of.file.is_none() => Vec::new(),
+                    Presented::Virtual(version) => {
+                        let names: Vec<Name> = version.version.iter().cloned().collect();
+                        self.some_versions(&names).into_iter().map(Some).collect::<Vec<_>>()
+                    }
+                };
+                all.extend(versions.into_iter().map(|version| Stimulus { surface, version }));
+            }
+        }
+        all
+    }
+
+    /// The trials of a participant of a group. Those of a staircase are as many as there can be.
+    pub fn trials(&self, participant: &str, group: usize) -> Vec<Trial> {
+        let mut trials = Vec::new();
+        for (number, (name, phase)) in self.phases.0.iter().enumerate() {
+            if !self.is_of_group(number, group) {
+                continue;
+            }
+            let mut draw = Draw::new(self.seed, participant, &name.text);
+            let mut own = self.trials_of(phase, &mut draw);
+            let training = draw.some_of(&own, phase.training());
+            own.splice(0..0, training.into_iter().map(|trial| Trial { is_training: true, ..trial }));
+            trials.extend(own.into_iter().map(|trial| Trial { phase: number, ..trial }));
+        }
+        for (number, trial) in (1..).zip(&mut trials) {
+            trial.number = number;
+        }
+        trials
+    }
+
+    /// The trials of a phase, without training.
+    fn trials_of(&self, phase: &Phase, draw: &mut Draw) -> Vec<Trial> {
+        let one = |first: Stimulus| Trial { first: Some(first), ..Trial::default() };
+        match phase {
+            Phase::Questions(phase) => {
+                let of = |question| Trial { question: Some(question), ..Trial::default() };
+                (0..phase.questions.0.len()).map(of).collect()
+            }
+            Phase::Practice(practice) if practice.stimuli.is_empty() => vec![Trial::default()],
+            Phase::Practice(practice) => {
+                self.stimuli(&practice.stimuli, &practice.surfaces).into_iter().map(one).collect()
+            }
+            Phase::Explore(explore) => {
+                let trials = self.stimuli(&explore.stimuli, &explore.surfaces).into_iter().map(one);
+                draw.arranged(trials.collect(), &explore.order)
+            }
+            Phase::Rate(rate) => {
+                let scales = Self::some(&rate.scales, &self.scales);
+                let stimuli = self.stimuli(&rate.stimuli, &rate.surfaces);
+                let cells = scales.iter().flat_map(|scale| {
+                    stimuli.iter().map(|stimulus| Trial { scale: Some(*scale), ..one(*stimulus) })
+                });
+                let cells: Vec<Trial> = cells.collect();
+                (0..rate.repeats).flat_map(|_| draw.arranged(cells.clone(), &rate.order)).collect()
+            }
+            Phase::Compare(compare) => {
+                let presented = [Presented::Virtual(crate::document::Version { version: None })];
+                let versions = self.some_versions(&compare.versions);
+                let cells = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
+                    let is_real = self.surfaces.0[stimulus.surface].1.sample.is_some();
+                    is_real && stimulus.version.is_some_and(|version| versions.contains(&version))
+                });
+                let cells: Vec<Trial> = cells
+                    .map(|stimulus| Trial {
+                        scale: self.scales.find(&compare.scale.text),
+                        first: Some(Stimulus { version: None, ..stimulus }),
+                        second: Some(stimulus),
+                        ..Trial::default()
+                    })
+                    .collect();
+                (0..compare.repeats).flat_map(|_| draw.arranged(cells.clone(), &compare.order)).collect()
+            }
+            Phase::Pairs(pairs) => {
+                let stimuli = self.stimuli(&pairs.stimuli, &pairs.surfaces);
+                let scale = self.scales.find(&pairs.scale.text);
+                let all = stimuli.iter().enumerate().flat_map(|(at, first)| {
+                    let second = stimuli[at + 1..].iter();
+                    second.map(move |second| Trial { scale, second: Some(*second), ..one(*first) })
+                });
+                draw.with_sides(all.collect())
+            }
+            Phase::ConstantStimuli(phase) => {
+                let stimulus = self.virtual_one(&phase.surface);
+                let levels = phase.levels.iter().map(|level| Trial {
+                    first: stimulus,
+                    second: stimulus,
+                    level: Some(*level),
+                    ..Trial::default()
+                });
+                let levels: Vec<Trial> = levels.collect();
+                let blocks = (0..phase.repeats).flat_map(|_| draw.shuffled(levels.clone())).collect();
+                draw.with_sides_in_order(blocks)
+            }
+            Phase::Staircase(phase) => {
+                let stimulus = self.virtual_one(&phase.surface);
+                let trial = Trial { first: stimulus, second: stimulus, ..Trial::default() };
+                draw.with_sides_in_order(vec![trial; phase.at_most as usize])
+            }
+        }
+    }
+
+    /// The first version of a virtual surface.
+    fn virtual_one(&self, surface: &Name) -> Option<Stimulus> {
+        Some(Stimulus { surface: self.surfaces.find(&surface.text)?, version: Some(0) })
+    }
+}
+
+impl Phase {
+    /// The groups whose it is; all if empty.
+    pub fn groups(&self) -> &[Name] {
+        match self {
+            Self::Practice(phase) => &phase.groups,
+            Self::Explore(phase) => &phase.groups,
+            Self::Rate(phase) => &phase.groups,
+            Self::Compare(phase) => &phase.groups,
+            Self::Pairs(phase) => &phase.groups,
+            Self::Questions(phase) => &phase.groups,
+            Self::ConstantStimuli(phase) => &phase.groups,
+            Self::Staircase(phase) => &phase.groups,
+        }
+    }
+
+    /// Name of its kind.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Practice(_) => "practice",
+            Self::Explore(_) => "free exploration",
+            Self::Rate(_) => "ratings",
+            Self::Compare(_) => "comparisons with the real surface",
+            Self::Pairs(_) => "pairs",
+            Self::Questions(_) => "questions",
+            Self::ConstantStimuli(_) => "constant stimuli",
+            Self::Staircase(_) => "staircase",
+        }
+    }
+
+    /// Number of training trials.
+    pub fn training(&self) -> u32 {
+        match self {
+            Self::Rate(phase) => phase.training,
+            Self::Compare(phase) => phase.training,
+            Self::Pairs(phase) => phase.training,
+            Self::ConstantStimuli(phase) => phase.training,
+            _ => 0,
+        }
+    }
+}
+
+/// Random orders of one participant in one phase.
+struct Draw {
+    random: Xoshiro256PlusPlus,
+    /// The number in the participant's code, of which Latin squares take their rows.
+    number: usize,
+}
+
+impl Draw {
+    fn new(seed: u64, participant: &str, phase: &str) -> Self {
+        let stream = stream_seed(seed, &format!("{participant}/{phase}"));
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(stream);
+        let digits = participant.len() - participant.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+        let written = participant[participant.len() - digits..].parse::<usize>();
+        let number = written.unwrap_or_else(|_| random.next_u64() as usize >> 1);
+        Self { random, number }
+    }
+
+    /// A number below `end`, each equally likely: the part of the range that would favour some is drawn again.
+    fn below(&mut self, end: usize) -> usize {
+        let end = end.max(1) as u64;
+        let fair = u64::MAX - u64::MAX % end;
+        loop {
+            let drawn = self.random.next_u64();
+            if drawn < fair {
+                return (drawn % end) as usize;
+            }
+        }
+    }
+
+    /// Fisher and Yates' shuffle.
+    fn shuffled<T>(&mut self, mut values: Vec<T>) -> Vec<T> {
+        for last in (1..values.len()).rev() {
+            let other = self.below(last + 1);
+            values.swap(last, other);
+        }
+        values
+    }
+
+    /// Some of the trials, at random.
+    fn some_of(&mut self, trials: &[Trial], count: u32) -> Vec<Trial> {
+        let mut some = Vec::new();
+        while some.len() < count as usize && !trials.is_empty() {
+            let drawn = self.shuffled(trials.to_vec());
+            some.extend(drawn.into_iter().take(count as usize - some.len()));
+        }
+        some
+    }
+
+    /// Shuffled, the second stimulus on the left in half of the trials.
+    fn with_sides(&mut self, trials: Vec<Trial>) -> Vec<Trial> {
+        let trials = self.shuffled(trials);
+        self.with_sides_in_order(trials)
+    }
+
+    /// The second stimulus on the left, or before the other, in half of the trials; of an odd one by lot.
+    fn with_sides_in_order(&mut self, mut trials: Vec<Trial>) -> Vec<Trial> {
+        let odd = self.below(2);
+        let sides = (0..trials.len()).map(|at| (at + odd) % 2 == 1).collect();
+        for (trial, side) in trials.iter_mut().zip(self.shuffled(sides)) {
+            trial.is_swapped = side;
+        }
+        trials
+    }
+
+    /// The trials in the order of these levels, outermost first.
+    fn arranged(&mut self, trials: Vec<Trial>, levels: &[Level]) -> Vec<Trial> {
+        let mut rows = vec![0; levels.len()];
+        // The squares of several levels are crossed: each takes its own digit of the number.
+        let (mut digit, mut left) = (Vec::new(), self.number);
+        for level in levels {
+            let rows = if level.arrange == Arrange::Latin { square_rows(distinct(&trials, level.factor).len()) } else { 1 };
+            digit.push(left % rows);
+            left /= rows;
+        }
+        self.nested(trials, levels, &digit, &mut rows)
+    }
+
+    fn nested(&mut self, trials: Vec<Trial>, levels: &[Level], digits: &[usize], used: &mut [usize]) -> Vec<Trial> {
+        let (Some((level, inner)), Some((digit, digits)), Some((row, used))) =
+            (levels.split_first(), digits.split_first(), used.split_first_mut())
+        else {
+            return trials;
+        };
+        let values = distinct(&trials, level.factor);
+        let values = match level.arrange {
+            Arrange::Fixed => values,
+            Arrange::Shuffle => self.shuffled(values),
+            Arrange::Latin => {
+                // Within another level each time the next row.
+                let order = williams(values.len(), digit + *row);
+                *row += 1;
+                order.into_iter().map(|at| values[at]).collect()
+            }
+        };
+        let mut all = Vec::with_capacity(trials.len());
+        for value in values {
+            let of_value = trials.iter().filter(|trial| key(trial, level.factor) == value).cloned().collect();
+            all.extend(self.nested(of_value, inner, digits, used));
+        }
+        all
+    }
+}
+
+/// What distinguishes trials by a factor.
+type Key = (Option<usize>, Option<Option<usize>>);
+
+fn key(trial: &Trial, factor: Factor) -> Key {
+    let stimulus = trial.second.or(trial.first);
+    let (surface, version) = (stimulus.map(|of| of.surface), stimulus.map(|of| of.version));
+    match factor {
+        Factor::Scale => (trial.scale, None),
+        Factor::Surface => (surface, None),
+        Factor::Version => (None, version),
+        Factor::Stimulus => (surface, version),
+    }
+}
+
+/// The values of a factor, in the order of the trials.
+fn distinct(trials: &[Trial], factor: Factor) -> Vec<Key> {
+    let mut values = Vec::new();
+    for trial in trials {
+        let key = key(trial, factor);
+        if !values.contains(&key) {
+            values.push(key);
+        }
+    }
+    values
+}
+
+/// Number of values of a factor.
+pub(crate) fn count(trials: &[&Trial], factor: Factor) -> usize {
+    let trials: Vec<Trial> = trials.iter().map(|trial| (*trial).clone()).collect();
+    distinct(&trials, factor).len()
+}
+
+/// Number of rows of a Williams square: as many participants, or a multiple, are balanced.
+pub fn square_rows(values: usize) -> usize {
+    match values {
+        0 | 1 => 1,
+        even if even % 2 == 0 => even,
+        odd => 2 * odd,
+    }
+}
+
+/// A row of a Williams square (Williams 1949): over all rows each value follows each other equally often.
+fn williams(values: usize, row: usize) -> Vec<usize> {
+    let row = row % square_rows(values);
+    let zigzag = (0..values).map(|at| if at % 2 == 1 { at.div_ceil(2) } else { (values - at / 2) % values });
+    let order = zigzag.map(|at| (at + row) % values);
+    match row < values {
+        true => order.collect(),
+        false => order.rev().collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn each_value_follows_each_other_equally_often() {
+        for values in 2..=9 {
+            let mut follows = BTreeMap::<(usize, usize), usize>::new();
+            let mut places = BTreeMap::<(usize, usize), usize>::new();
+            for row in 0..square_rows(values) {
+                let order = williams(values, row);
+                for pair in order.windows(2) {
+                    *follows.entry((pair[0], pair[1])).or_default() += 1;
+                }
+                for (place, value) in order.into_iter().enumerate() {
+                    *places.entry((place, value)).or_default() += 1;
+                }
+            }
+            let times = square_rows(values) / values;
+            assert_eq!(follows.len(), values * (values - 1), "{values}");
+            assert!(follows.values().all(|count| *count == times), "{values}: {follows:?}");
+            assert_eq!(places.len(), values * values, "{values}");
+            assert!(places.values().all(|count| *count == times), "{values}");
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! People who do not exist: answers of known parameters, with motion by the graph's simulated hands, so that the conditions of a
+//! trial and its numbers are real.
+
+use crate::check::{Checked, StudyError};
+use crate::data::{Claim, Folder, Row, Status};
+use crate::document::{Phase, Question};
+use crate::order::{Stimulus, Trial};
+use crate::progress::next;
+use haptograph_engine::document::SettingsFile;
+use haptograph_engine::document::value::Name;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::host::AnyOutput;
+use haptograph_engine::registry::Registry;
+use haptograph_engine::run::{Player, SessionOptions};
+use haptograph_engine::settings;
+use haptograph_engine::settings::{Named, Settings};
+use haptograph_signal::files::{self, MAX_GRAPH_BYTES};
+use haptograph_signal::noise::stream_seed;
+use haptograph_signal::statistics::{mean, standard_deviation};
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
+use std::path::Path;
+
+settings! {
+    /// People of known parameters. An answer is 0.5 + gain (value of what is presented + bias + noise), between 0 and 1.
+    pub struct People {
+        /// Values on each scale, by surface (`canvas`), version (`FS`, `real`) or both (`canvas, real`); those that apply are added.
+        values: Named<Named<f64>> = Named::default();
+        /// Places of stimuli, of which the distance is the dissimilarity.
+        places: Named<Vec<f64>> = Named::default();
+        /// Standard deviation of the logarithm of each person's gain.
+        gain_sd: f64 = 0.0, in 0.0..=10.0;
+        /// Standard deviation of each person's bias.
+        bias_sd: f64 = 0.1, in 0.0..=10.0;
+        /// Standard deviation of the noise of each answer.
+        noise_sd: f64 = 0.1, in 0.0..=10.0;
+        /// Share of answers that are anything.
+        lapse: f64 = 0.0, in 0.0..=1.0;
+        /// Difference from the standard at which half of the answers are known and the others guessed.
+        threshold: f64 = 0.1, in 1e-9..=1e9;
+    }
+}
+
+impl People {
+    /// People without any preference.
+    pub fn indifferent() -> Self {
+        Self {
+            values: Named::default(),
+            places: Named::default(),
+            gain_sd: 0.0,
+            bias_sd: 0.1,
+            noise_sd: 0.1,
+            lapse: 0.0,
+            threshold: 0.1,
+        }
+    }
+
+    /// Reads a file that holds one `People(format: 1, ...)`.
+    ///
+    /// # Errors
+    /// With every problem of the file.
+    pub fn load(path: &Path) -> Result<Self, StudyError> {
+        let text = files::read_text(path, MAX_GRAPH_BYTES)
+            .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
+        let file = SettingsFile::<Self>::parse(path, &text, &format!("a file of `{}`", Self::NAME));
+        file.map(|file| file.content).map_err(StudyError::Study)
+    }
+
+    /// Value of a stimulus on a scale.
+    fn value(&self, study: &Checked, scale: &str, stimulus: Stimulus) -> f64 {
+        let Some(at) = self.values.find(scale) else { return 0.0 };
+        let values = &self.values.0[at].1;
+        let version = stimulus.version.map_or("real", |version| study.study.version_name(version));
+        let surface = &study.study.surfaces.0[stimulus.surface].0.text;
+        let both = format!("{surface}, {version}");
+        let of = |name: &str| values.find(name).map_or(0.0, |at| values.0[at].1);
+        of(surface) + of(version) + of(&both)
+    }
+
+    /// Distance of two stimuli.
+    fn distance(&self, study: &Checked, first: Stimulus, second: Stimulus) -> f64 {
+        let place = |of| self.places.find(&study.name(of)).map(|at| &self.places.0[at].1);
+        let (Some(first), Some(second)) = (place(first), place(second)) else { return 0.0 };
+        first.iter().zip(second).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    }
+}
+
+/// A person who does not exist.
+struct Person<'p> {
+    people: &'p People,
+    random: Xoshiro256PlusPlus,
+    gain: f64,
+    bias: f64,
+}
+
+impl<'p> Person<'p> {
+    fn new(people: &'p People, seed: u64, code: &str) -> Self {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, &format!("{code}, simulated")));
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let (gain, bias) = ((people.gain_sd * normal()).exp(), people.bias_sd * normal());
+        Self { people, random, gain, bias }
+    }
+
+    fn uniform(&mut self) -> f64 {
+        (self.random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn rating(&mut self, value: f64) -> f64 {
+        let noise: f64 = StandardNormal.sample(&mut self.random);
+        let answer = 0.5 + self.gain * (value + self.bias + self.people.noise_sd * noise);
+        let anything = self.uniform();
+        let is_lapse = self.uniform() < self.people.lapse;
+        if is_lapse { anything } else { answer.clamp(0.0, 1.0) }
+    }
+
+    /// The answer to a trial.
+    fn answer(&mut self, study: &Checked, trial: &Trial, row: &mut Row) {
+        match &study.study.phases.0[trial.phase].1 {
+            Phase::Questions(phase) => {
+                let question = trial.question.and_then(|at| phase.questions.0.get(at));
+                match question.map(|(_, question)| question) {
+                    Some(Question::Number(of)) => row.rating = Some(of.from + self.uniform() * (of.to - of.from)),
+                    Some(Question::Choice(of)) => {
+                        let at = (self.uniform() * of.of.len() as f64) as usize;
+                        row.choice = of.of.get(at).cloned().unwrap_or_default();
+                    }
+                    _ => row.text = "simulated".to_owned(),
+                }
+            }
+            Phase::Explore(_) => row.text = "simulated".to_owned(),
+            Phase::Practice(_) => {}
+            Phase::Rate(_) | Phase::Compare(_) => {
+                let value = trial.second.or(trial.first).map(|of| self.people.value(study, &row.scale, of));
+                row.rating = Some(self.rating(value.unwrap_or(0.0)));
+            }
+            Phase::Pairs(phase) => {
+                let between = trial.first.zip(trial.second);
+                let distance = between.map_or(0.0, |(first, second)| self.people.distance(study, first, second));
+                // Any monotone function of the distance.
+                let rating = self.rating(1.0 - (-distance).exp() - 0.5);
+                row.rating = Some(if phase.same_is == crate::document::End::From { rating } else { 1.0 - rating });
+            }
+            Phase::ConstantStimuli(_) | Phase::Staircase(_) => self.choose(study, trial, row),
+        }
+    }
+
+    fn choose(&mut self, study: &Checked, trial: &Trial, row: &mut Row) {
+        let standard = study.study.phases.0[trial.phase].1.standard().unwrap_or(0.0);
+        let level = trial.level.unwrap_or(standard);
+        let difference = (level - standard).abs() / self.people.threshold;
+        let is_known = self.uniform() >= self.people.lapse && self.uniform() >= 0.5_f64.powf(difference);
+        let is_right = is_known || self.uniform() < 0.5;
+        row.is_right = Some(is_right);
+        row.choice = if is_right == (level >= standard) { "second" } else { "first" }.to_owned();
+    }
+}
+
+/// What a run of a trial gave.
+struct Felt {
+    seconds: f64,
+    is_open: bool,
+    measures: Vec<(String, f64, String)>,
+}
+
+/// How simulated people feel their trials.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Motion {
+    /// The graph runs with its simulated hands until the conditions are reached, for at most so many seconds.
+    Simulated {
+        /// Longest trial, s.
+        longest_s: f64,
+    },
+    /// Nothing runs: for studies of statistics.
+    None,
+}
+
+/// A probed port: its name, the handle, the first value, and all magnitudes.
+struct Probe {
+    name: String,
+    port: AnyOutput,
+    first: Option<f64>,
+    last: f64,
+    values: Vec<f64>,
+}
+
+impl Probe {
+    fn take(&mut self) {
+        let mut frame = vec![0.0; self.port.kind().width()];
+        while self.port.take(&mut frame) {
+            let value = if frame.len() == 1 { frame[0] } else { frame.iter().map(|x| x * x).sum::<f64>().sqrt() };
+            self.first.get_or_insert(value);
+            self.last = value;
+            self.values.push(value);
+        }
+    }
+
+    fn gained(&self) -> f64 {
+        self.last - self.first.unwrap_or(self.last)
+    }
+}
+
+/// Runs a graph offline until the conditions of a phase are reached.
+fn feel(study: &Checked, phase: &Phase, graph: &Graph, longest_s: f64) -> Result<Felt, StudyError> {
+    let gates = phase.gates().map_or(&[][..], |gates| &gates.0);
+    let mut ports: Vec<&str> = gates.iter().map(|(_, gate)| gate.port.text.as_str()).collect();
+    ports.extend(study.study.measures.iter().map(|name: &Name| name.text.as_str()));
+    let mut options = SessionOptions::default().rested();
+    options.offline = true;
+    options.probes = ports.iter().map(|port| (*port).to_owned()).collect();
+    options.probes.dedup();
+    let failed = |error: &dyn std::fmt::Display| StudyError::Run(error.to_string());
+    let (mut player, mut session) = Player::open(graph, &options).map_err(|error| failed(&error))?;
+    let mut probes = Vec::new();
+    for name in &options.probes {
+        let port = session.any_probe(name).map_err(|error| failed(&error))?;
+        probes.push(Probe { name: name.clone(), port, first: None, last: 0.0, values: Vec::new() });
+    }
+    let driver = graph.drivers().first().map(|driver| graph.clocks()[*driver].rate.hz());
+    let rate_hz = driver.unwrap_or(1.0);
+    let step = (rate_hz / 100.0).max(1.0) as usize;
+    let is_reached = |probes: &[Probe]| {
+        gates.iter().all(|(_, gate)| {
+            let probe = probes.iter().find(|probe| probe.name == gate.port.text);
+            probe.is_some_and(|probe| probe.gained() >= gate.at_least)
+        })
+    };
+    let least_s = if gates.is_empty() { 0.5 } else { 0.0 };
+    let mut seconds = 0.0;
+    while seconds < longest_s && (seconds < least_s || !is_reached(&probes)) {
+        player.process(step);
+        session.poll();
+        probes.iter_mut().for_each(Probe::take);
+        seconds = player.frames() as f64 / rate_hz;
+    }
+    let is_open = is_reached(&probes);
+    let mut measures = Vec::new();
+    for (name, gate) in gates {
+        let probe = probes.iter().find(|probe| probe.name == gate.port.text);
+        measures.push((name.text.clone(), probe.map_or(0.0, Probe::gained), gate.quantity.unit()));
+    }
+    for name in &study.study.measures {
+        let Some(probe) = probes.iter().find(|probe| probe.name == name.text) else { continue };
+        let unit = probe.port.quantity().unit();
+        let largest = probe.values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        for (what, value) in
+            [("mean", mean(&probe.values)), ("sd", standard_deviation(&probe.values)), ("largest", largest)]
+        {
+            measures.push((format!("{} {what}", name.text), value, unit.clone()));
+        }
+    }
+    Ok(Felt { seconds, is_open, measures })
+}
+
+impl Checked {
+    /// The line of a trial, but for its answer.
+    pub fn row(&self, trial: &Trial) -> Row {
+        let study = &self.study;
+        let surface = |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
+        let version = |of: Option<Stimulus>| {
+            of.map_or("", |of| of.version.map_or("real", |version| study.version_name(version))).to_owned()
+        };
+        let (name, phase) = &study.phases.0[trial.phase];
+        let question = match (phase, trial.question) {
+            (Phase::Questions(phase), Some(at)) => phase.questions.0.get(at).map(|(name, _)| name.text.clone()),
+            _ => None,
+        };
+        let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
+        let file = trial.second.or(trial.first).and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
+        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
+        Row {
+            trial: trial.number,
+            phase: name.text.clone(),
+            training: trial.is_training,
+            scale: scale.or(question).unwrap_or_default(),
+            first_surface: surface(trial.first),
+            first_version: version(trial.first),
+            second_surface: surface(trial.second),
+            second_version: version(trial.second),
+            second_is_left_or_earlier: trial.is_swapped,
+            level: trial.level,
+            surface_sha256: surface_sha256.map_or_else(String::new, |bytes| crate::check::sha256(&bytes)),
+            ..Row::default()
+        }
+    }
+
+    /// Runs all trials of a simulated participant that are left, at most `most` of them. Returns how many there were.
+    ///
+    /// # Errors
+    /// If the graph fails, or the data cannot be kept.
+    pub fn simulate(
+        &self,
+        registry: &Registry,
+        (claim, group): (&mut Claim, usize),
+        people: &People,
+        motion: Motion,
+        most: usize,
+    ) -> Result<usize, StudyError> {
+        let code = claim.participant.participant.clone();
+        let trials = self.study.trials(&code, group);
+        let mut done = claim.rows()?;
+        let mut count = 0;
+        while count < most
+            && let Some(trial) = next(&self.study, &trials, &done)
+        {
+            // The same person again, who answers each trial by its own number.
+            let mut person = Person::new(people, self.study.seed, &code);
+            let seed = self.seed_of(&code, &trial);
+            person.random = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "answer"));
+            let mut row = self.row(&trial);
+            let felt = self.felt(registry, &trial, motion, seed)?;
+            person.answer(self, &trial, &mut row);
+            row.exploration_s = felt.seconds;
+            row.response_s = 1.0 + person.uniform();
+            if !felt.is_open {
+                row.status = Status::Forced;
+            }
+            done.push(claim.keep(row, &felt.measures)?);
+            count += 1;
+        }
+        Ok(count)
+    }
+
+    fn felt(&self, registry: &Registry, trial: &Trial, motion: Motion, seed: u64) -> Result<Felt, StudyError> {
+        let phase = &self.study.phases.0[trial.phase].1;
+        let of = trial.second.or(trial.first).filter(|of| of.version.is_some());
+        let (Motion::Simulated { longest_s }, Some(of)) = (motion, of) else {
+            return Ok(Felt { seconds: 0.0, is_open: true, measures: Vec::new() });
+        };
+        let graph = self.graph(registry, phase, (Some(of), trial.level), seed)?;
+        feel(self, phase, &graph, longest_s)
+    }
+}
+
+impl Folder {
+    /// Codes of so many simulated people, S01 and so on.
+    pub fn codes(people: usize) -> impl Iterator<Item = String> {
+        let digits = people.to_string().len().max(2);
+        (1..=people).map(move |number| format!("S{number:0digits$}"))
+    }
+}
