@@ -1,6 +1,6 @@
 //! Analysis of variance between groups: one factor, or two with or without their interaction.
 
-use super::distributions::{f_survival, last_from_zero, noncentral_f_cdf};
+use super::distributions::{f_survival, falling_root_from_zero, noncentral_f_cdf};
 use super::regression::residual_sum;
 use super::tukey::{Comparison, tukey};
 use super::{StatisticsError, all_finite, at_least};
@@ -83,7 +83,7 @@ fn eta_interval(f: f64, df1: f64, df2: f64) -> Option<(f64, f64)> {
     }
     let tail = (1.0 - CONFIDENCE) / 2.0;
     let share = |level: f64| {
-        let lambda = last_from_zero(|lambda| noncentral_f_cdf(f, df1, df2, lambda) > level);
+        let lambda = falling_root_from_zero(|lambda| noncentral_f_cdf(f, df1, df2, lambda) - level);
         lambda / (lambda + df1 + df2 + 1.0)
     };
     Some((share(1.0 - tail), share(tail)))

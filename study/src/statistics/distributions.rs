@@ -8,6 +8,11 @@ use statrs::function::erf::{erfc, erfc_inv};
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
+/// Degrees of freedom above which the deviation of a sample counts as that of the population.
+const KNOWN_DEVIATION: f64 = 1e10;
+/// Steps of the search for a root.
+const MOST_STEPS: usize = 200;
+
 /// The regularised incomplete beta function; NaN outside of its domain.
 fn beta_reg(a: f64, b: f64, x: f64) -> f64 {
     if a.is_finite() && b.is_finite() { checked_beta_reg(a, b, x).unwrap_or(f64::NAN) } else { f64::NAN }
@@ -31,7 +36,7 @@ pub(super) fn t_survival(t: f64, df: f64) -> f64 {
 
 /// The t with P(|T| >= t) = `alpha`.
 pub(super) fn t_quantile(alpha: f64, df: f64) -> f64 {
-    last_from_zero(|t| t_two_sided(t, df) > alpha)
+    falling_root_from_zero(|t| (t_two_sided(t, df) / alpha).ln())
 }
 
 /// P(chi-squared >= x).
@@ -82,10 +87,13 @@ pub(super) fn noncentral_t_cdf(t: f64, df: f64, delta: f64) -> f64 {
 /// Values of s = sqrt(chi-squared / df) and weights that add to 1: a trapezoid rule in ln s, where the density is analytic and
 /// falls fast on both sides, so that a mean over it converges to rounding. `df` is 1 or more.
 pub(super) fn chi_nodes(df: f64) -> Vec<(f64, f64)> {
-    if !df.is_finite() || df < 1.0 {
-        return vec![(if df > 1.0 { 1.0 } else { f64::NAN }, 1.0)];
+    if df.is_nan() || df < 1.0 {
+        return vec![(f64::NAN, 1.0)];
     }
-    let ln_density = |u: f64| df * (u - 0.5 * (2.0 * u).exp() + 0.5);
+    if df > KNOWN_DEVIATION {
+        return vec![(1.0, 1.0)];
+    }
+    let ln_density = |u: f64| df * (u - 0.5 * (2.0 * u).exp_m1());
     let step = (0.35 / df.sqrt()).min(0.1);
     // Down to e^-80 of the peak: a tail probability may lie in the left flank alone.
     let reach =
@@ -97,33 +105,39 @@ pub(super) fn chi_nodes(df: f64) -> Vec<(f64, f64)> {
     nodes
 }
 
-/// The largest x from `low` to `high` at which a condition still holds that holds at `low` and ends once: bisection down to
-/// neighbouring numbers.
-pub(super) fn last(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
-    loop {
-        let middle = 0.5 * (low + high);
-        if !(middle > low && middle < high) {
-            return middle;
+/// Where a function falls through zero that is positive at `low` and negative at `high`: false position, where the value of an
+/// end that stays is halved (the Illinois rule).
+pub(super) fn falling_root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = ((low, f(low)), (high, f(high)));
+    let mut last = high.0;
+    for _ in 0..MOST_STEPS {
+        let secant = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
+        let place = if secant > low.0 && secant < high.0 { secant } else { 0.5 * (low.0 + high.0) };
+        let here = f(place);
+        if here == 0.0 || (place - last).abs() <= 1e-13 * place.abs() {
+            return place;
         }
-        if holds(middle) {
-            low = middle;
+        last = place;
+        if here > 0.0 {
+            (low, high.1) = ((place, here), 0.5 * high.1);
         } else {
-            high = middle;
+            (high, low.1) = ((place, here), 0.5 * low.1);
         }
     }
+    last
 }
 
-/// Like [`last`], from 0 to wherever the condition ends; infinite if it does not.
-pub(super) fn last_from_zero(holds: impl Fn(f64) -> bool) -> f64 {
+/// Like [`falling_root`], from 0 to wherever the function is negative; 0 if it is not positive there, infinite if it stays so.
+pub(super) fn falling_root_from_zero(f: impl Fn(f64) -> f64) -> f64 {
+    if f(0.0) <= 0.0 {
+        return 0.0;
+    }
     let mut high = 1.0;
-    while holds(high) {
+    while f(high) > 0.0 {
         high *= 2.0;
         if high > 1e150 {
             return f64::INFINITY;
         }
     }
-    // From exactly zero, bisection would walk through all exponents.
-    let low = if high > 1.0 { 0.5 * high } else { 0.0 };
-    let found = last(low, high, |x| holds(x) && x > 1e-12);
-    if found <= 2e-12 { 0.0 } else { found }
+    falling_root(if high > 1.0 { 0.5 * high } else { 0.0 }, high, f)
 }

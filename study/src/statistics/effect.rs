@@ -1,7 +1,7 @@
 //! Sizes of differences within people, and tests that a difference is too small to matter.
 
 use super::anova::squares_about;
-use super::distributions::{last, noncentral_t_cdf, t_quantile, t_survival};
+use super::distributions::{falling_root, noncentral_t_cdf, t_quantile, t_survival};
 use super::{Estimate, StatisticsError, all_finite, at_least, is_probability, same_length};
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;
@@ -39,8 +39,8 @@ pub fn paired_effect(
     }
     let tail = (1.0 - confidence) / 2.0;
     // The probability below t falls with the noncentrality.
-    let (reach, above) = (12.0 + 12.0 * t.abs() / (2.0 * df).sqrt(), |delta| noncentral_t_cdf(t, df, delta));
-    let end = |level: f64| last(t - reach, t + reach, |delta| above(delta) > level);
+    let (reach, below) = (12.0 + 12.0 * t.abs() / (2.0 * df).sqrt(), |delta| noncentral_t_cdf(t, df, delta));
+    let end = |level: f64| falling_root(t - reach, t + reach, |delta| below(delta) - level);
     let ends = (end(1.0 - tail), end(tail));
     let scaled = |unit: f64| Estimate { value: t * unit, low: ends.0 * unit, high: ends.1 * unit };
     let variances = [first, second].map(|values| squares_about(values, mean(values)) / df);

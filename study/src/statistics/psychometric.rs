@@ -85,14 +85,14 @@ pub struct Psychometric {
 /// Fits a function to blocks of trials.
 pub fn fit(blocks: &[Block], settings: &FitSettings) -> Result<Psychometric, StatisticsError> {
     let problem = Problem::new(blocks, settings)?;
-    let best = problem.maximise(blocks);
+    let best = problem.maximise(blocks, problem.start(blocks));
     let (threshold, slope, lapse) = problem.parameters(best);
     let (log_likelihood, deviance) = problem.quality(blocks, best);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(settings.seed);
     let mut found = [const { Vec::new() }; 4];
     for _ in 0..settings.resamples {
         let simulated = problem.simulated(blocks, best, &mut random);
-        let place = problem.maximise(&simulated);
+        let place = problem.maximise(&simulated, best);
         let (threshold, slope, lapse) = problem.parameters(place);
         let values = [threshold, slope, lapse, problem.quality(&simulated, place).1];
         found.iter_mut().zip(values).for_each(|(all, value)| all.push(value));
@@ -206,19 +206,23 @@ impl<'a> Problem<'a> {
         (blocks.iter().map(saturated).sum::<f64>() - loss, 2.0 * loss)
     }
 
-    /// The likeliest place, from the best of a grid.
-    fn maximise(&self, blocks: &[Block]) -> Place {
-        let loss = |place: Place| self.loss(blocks, self.bounded(place));
-        let mut best = ([0.5, self.slopes.0, 0.0], f64::INFINITY);
+    /// The best place of a grid.
+    fn start(&self, blocks: &[Block]) -> Place {
+        let mut best = ([0.5, self.slopes.0, 0.3], f64::INFINITY);
         for (i, j) in (0..9).flat_map(|i| (0..8).map(move |j| (i, j))) {
             let slope = self.slopes.0 + (self.slopes.1 - self.slopes.0) * f64::from(j) / 8.0;
             let place = [f64::from(i) / 8.0, slope, 0.3];
-            let here = loss(place);
+            let here = self.loss(blocks, place);
             if here < best.1 {
                 best = (place, here);
             }
         }
-        self.bounded(simplex(best.0, [0.15, 0.7, 0.3], loss))
+        best.0
+    }
+
+    /// The likeliest place near a start.
+    fn maximise(&self, blocks: &[Block], start: Place) -> Place {
+        self.bounded(simplex(start, [0.15, 0.7, 0.3], |place| self.loss(blocks, self.bounded(place))))
     }
 
     fn simulated(&self, blocks: &[Block], place: Place, random: &mut Xoshiro256PlusPlus) -> Vec<Block> {

@@ -86,7 +86,8 @@ pub struct Wilcoxon {
 }
 
 /// Tests differences of pairs. The convention is R's: differences of zero are dropped; below 50 differences, none of them equal
-/// in size or zero, p is exact; otherwise it is normal, corrected for ties and for continuity.
+/// in size or zero, p is exact; otherwise it is normal, corrected for ties and for continuity. Differences
+/// of decimals that ought to be equal differ by rounding, as in R: where that matters, round them first.
 pub fn wilcoxon(differences: &[f64]) -> Result<Wilcoxon, StatisticsError> {
     all_finite("differences", differences)?;
     let left: Vec<f64> = differences.iter().copied().filter(|&d| d != 0.0).collect();

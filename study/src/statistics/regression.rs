@@ -200,6 +200,7 @@ pub fn correlation_matrix<C: AsRef<[f64]>>(
     variables: &[C],
     confidence: f64,
 ) -> Result<Vec<Vec<Correlation>>, StatisticsError> {
+    at_least("variables", variables.len(), 2)?;
     let row = |a: &C| variables.iter().map(|b| pearson(a.as_ref(), b.as_ref(), confidence)).collect();
     variables.iter().map(row).collect()
 }

@@ -1,7 +1,6 @@
 //! A map of stimuli whose distances follow their dissimilarities, and the tree of their groups (thesis 3.3.3).
 
-use super::StatisticsError;
-use super::{all_finite, at_least};
+use super::{StatisticsError, all_finite, at_least, same_length};
 use haptograph_learning::evaluate::{cut_tree, hierarchical, nonmetric_scaling};
 use serde::Serialize;
 
@@ -35,6 +34,7 @@ pub fn perceptual_space(
         let (what, value) = ("number of dimensions", dimensions.max(scree) as f64);
         return Err(StatisticsError::OutOfRange { what, value, expected: "less than the number of stimuli" });
     }
+    same_length("pairs and dissimilarities", count.saturating_mul(count - 1) / 2, dissimilarities.len())?;
     all_finite("dissimilarities", dissimilarities)?;
     let largest = dissimilarities.iter().fold(0.0, |size: f64, d| size.max(d.abs()));
     if largest == 0.0 {
@@ -42,13 +42,8 @@ pub fn perceptual_space(
     }
     // Only their order counts; their squares might overflow.
     let scaled: Vec<f64> = dissimilarities.iter().map(|d| d / largest).collect();
-    let pairs = count.saturating_mul(count - 1) / 2;
-    let (what, first, second) = ("pairs and dissimilarities", pairs, dissimilarities.len());
-    let scaling = nonmetric_scaling(&scaled, count, dimensions, scree).ok_or(StatisticsError::Lengths {
-        what,
-        first,
-        second,
-    })?;
+    let undetermined = StatisticsError::Undetermined { what: "places" };
+    let scaling = nonmetric_scaling(&scaled, count, dimensions, scree).ok_or(undetermined)?;
     let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     let places = &scaling.places;
     let distances: Vec<f64> =

@@ -87,7 +87,7 @@ spherical("within.b", lm(wide ~ 1), ~ surface + condition, ~surface, cells)
 spherical("within.interaction", lm(wide ~ 1), ~ surface * condition, ~ surface + condition, cells)
 
 # The studentized range.
-for (q in c(0.5, 2, 3.5, 4.2, 6)) for (k in c(2, 4, 10)) for (df in c(2, 14, 42, 56, 1000))
+for (q in c(0.5, 2, 3.5, 4.2, 6)) for (k in c(2, 4, 10)) for (df in c(14, 42, 56, 1000))
     put(sprintf("ptukey.%g.%d.%d", q, k, df), ptukey(q, k, df))
 for (k in c(3, 4, 10)) for (df in c(5, 42, 56)) put(sprintf("qtukey.%d.%d", k, df), qtukey(0.95, k, df))
 

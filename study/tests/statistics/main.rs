@@ -1,4 +1,5 @@
 //! Statistics of studies: agreement with R, with the thesis's printed numbers, calibration, and odd input.
+#![allow(clippy::unwrap_used)]
 
 mod calibration;
 mod fits;
