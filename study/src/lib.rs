@@ -1,5 +1,6 @@
 //! Studies with people: the document, the order of trials, what is kept, and statistics.
 
+pub mod analyse;
 pub mod check;
 pub mod data;
 pub mod document;

@@ -1,0 +1,617 @@
+//! The analysis that a study's phases ask for, with two tests side by side: as in the thesis, with participants as replicates, and
+//! with repeated measures, each participant against themselves.
+
+use crate::data::{Folder, Row};
+use crate::document::{End, Phase, Study};
+use crate::statistics::anova::{self, Term, centred_by_person, columns};
+use crate::statistics::psychometric::{Block, FitSettings, fit};
+use crate::statistics::ranks::{friedman, wilcoxon_pairs};
+use crate::statistics::regression::{correlation_matrix, regress};
+use crate::statistics::repeated::{self, WithinTerm};
+use crate::statistics::space::perceptual_space;
+use crate::statistics::tukey::{Comparison, tukey};
+use haptograph_signal::statistics::{mean, standard_deviation};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Confidence of all intervals.
+const CONFIDENCE: f64 = 0.95;
+/// Dimensions of a map (thesis 3.3), and of its scree.
+const DIMENSIONS: (usize, usize) = (3, 6);
+
+/// A term of an analysis of variance.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)] // named as in the tables of R
+pub struct VarianceRow {
+    pub phase: String,
+    pub scale: String,
+    pub test: &'static str,
+    pub of: String,
+    pub term: &'static str,
+    pub people: usize,
+    pub ss: f64,
+    pub df: f64,
+    pub residual_df: f64,
+    pub f: f64,
+    pub p: f64,
+    pub p_greenhouse_geisser: Option<f64>,
+    pub partial_eta_squared: f64,
+}
+
+/// A comparison of two versions of a surface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)] // named as in the tables of R
+pub struct ComparisonRow {
+    pub phase: String,
+    pub test: &'static str,
+    pub surface: String,
+    pub from: String,
+    pub to: String,
+    pub difference: Option<f64>,
+    pub low: Option<f64>,
+    pub high: Option<f64>,
+    pub p: f64,
+}
+
+/// The mean of a stimulus on a scale.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct MeanRow {
+    pub phase: String,
+    pub scale: String,
+    pub surface: String,
+    pub version: String,
+    pub people: usize,
+    pub mean: f64,
+    pub sd: f64,
+    /// As fractions of each person's standard deviation on the scale.
+    pub mean_over_sd: f64,
+    /// Eq. 4.6.1: how much less similar than the reference, %.
+    pub less_than_reference_percent: Option<f64>,
+}
+
+/// A correlation or a coefficient of a regression.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct RelationRow {
+    pub phase: String,
+    pub kind: &'static str,
+    pub of: String,
+    pub with: String,
+    pub value: f64,
+    pub low: f64,
+    pub high: f64,
+    pub p: f64,
+    pub count: usize,
+    pub r_squared: Option<f64>,
+}
+
+/// A stimulus on the map of dissimilarities.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct PlaceRow {
+    pub phase: String,
+    pub stimulus: String,
+    pub x: f64,
+    pub y: Option<f64>,
+    pub z: Option<f64>,
+    /// Group at each number of groups from 2 on, joined by spaces.
+    pub groups: String,
+}
+
+/// Stress of a map by its number of dimensions.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct ScreeRow {
+    pub phase: String,
+    pub dimensions: usize,
+    pub stress: f64,
+    pub r_squared: f64,
+}
+
+/// A psychometric function.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct ThresholdRow {
+    pub phase: String,
+    pub participant: String,
+    pub trials: u32,
+    pub threshold: f64,
+    pub low: f64,
+    pub high: f64,
+    pub slope: f64,
+    pub lapse: f64,
+    pub p_of_deviance: f64,
+}
+
+/// All tables of an analysis.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Analysis {
+    /// True for people who do not exist.
+    pub simulated: bool,
+    /// Means of stimuli.
+    pub means: Vec<MeanRow>,
+    /// Analyses of variance.
+    pub variance: Vec<VarianceRow>,
+    /// Comparisons of versions.
+    pub comparisons: Vec<ComparisonRow>,
+    /// Correlations and regressions.
+    pub relations: Vec<RelationRow>,
+    /// Maps.
+    pub places: Vec<PlaceRow>,
+    /// Their scree.
+    pub scree: Vec<ScreeRow>,
+    /// Psychometric functions.
+    pub thresholds: Vec<ThresholdRow>,
+    /// What could not be computed, and why.
+    pub left_out: Vec<String>,
+}
+
+/// A stimulus by its names.
+type Cell = (String, String);
+
+/// Ratings of people: a row a person, a column a stimulus, NaN where there is none; repetitions are averaged.
+#[derive(Debug, Clone)]
+struct Ratings {
+    cells: Vec<Cell>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Ratings {
+    fn of(rows: &[&Row], cell: impl Fn(&Row) -> Cell) -> Self {
+        let (mut cells, mut people) = (Vec::new(), Vec::new());
+        let mut sums = BTreeMap::<(usize, usize), (f64, usize)>::new();
+        for row in rows {
+            let Some(rating) = row.rating else { continue };
+            let (cell, person) = (place(&mut cells, cell(row)), place(&mut people, row.participant.clone()));
+            let sum = sums.entry((person, cell)).or_default();
+            *sum = (sum.0 + rating, sum.1 + 1);
+        }
+        // In the order of names, so that the order of trials changes nothing.
+        let mut order: Vec<usize> = (0..cells.len()).collect();
+        order.sort_by_key(|cell| &cells[*cell]);
+        let value = |person, cell| sums.get(&(person, cell)).map_or(f64::NAN, |(sum, count)| sum / *count as f64);
+        let rows = (0..people.len()).map(|person| order.iter().map(|cell| value(person, *cell)).collect());
+        Self { rows: rows.collect(), cells: order.iter().map(|cell| cells[*cell].clone()).collect() }
+    }
+
+    /// Divided by each person's standard deviation.
+    fn over_deviation(&self) -> Self {
+        let scaled = self.rows.iter().map(|row| {
+            let given: Vec<f64> = row.iter().copied().filter(|value| value.is_finite()).collect();
+            let deviation = standard_deviation(&given);
+            row.iter().map(|value| if deviation > 0.0 { value / deviation } else { f64::NAN }).collect()
+        });
+        Self { cells: self.cells.clone(), rows: scaled.collect() }
+    }
+
+    /// Some of the columns.
+    fn select(&self, is_wanted: impl Fn(&Cell) -> bool) -> Self {
+        let wanted: Vec<usize> = (0..self.cells.len()).filter(|at| is_wanted(&self.cells[*at])).collect();
+        let rows = self.rows.iter().map(|row| wanted.iter().map(|at| row[*at]).collect());
+        Self { rows: rows.collect(), cells: wanted.iter().map(|at| self.cells[*at].clone()).collect() }
+    }
+
+    /// Surfaces and versions if every surface has every version: the columns are then those of the first surface first.
+    fn factors(&self) -> (Vec<String>, Vec<String>) {
+        let (mut surfaces, mut versions) = (Vec::new(), Vec::new());
+        for (surface, version) in &self.cells {
+            place(&mut surfaces, surface.clone());
+            place(&mut versions, version.clone());
+        }
+        (surfaces, versions)
+    }
+
+    /// People without a missing cell.
+    fn complete(&self) -> Vec<Vec<f64>> {
+        self.rows.iter().filter(|row| row.iter().all(|value| value.is_finite())).cloned().collect()
+    }
+
+    fn column(&self, at: usize) -> Vec<f64> {
+        self.rows.iter().map(|row| row[at]).filter(|value| value.is_finite()).collect()
+    }
+}
+
+/// The number of a value in a list, at whose end it is put if it is new.
+fn place<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
+    list.iter().position(|known| *known == value).unwrap_or_else(|| {
+        list.push(value);
+        list.len() - 1
+    })
+}
+
+/// What a table of variance is of.
+#[derive(Clone, Copy)]
+struct Of<'a> {
+    phase: &'a str,
+    scale: &'a str,
+    of: &'a str,
+    people: usize,
+}
+
+impl Of<'_> {
+    fn row(&self, test: &'static str, term: &'static str, effect: &Term, residual_df: f64) -> VarianceRow {
+        VarianceRow {
+            phase: self.phase.to_owned(),
+            scale: self.scale.to_owned(),
+            test,
+            of: self.of.to_owned(),
+            term,
+            people: self.people,
+            ss: effect.ss,
+            df: effect.df,
+            residual_df,
+            f: effect.f,
+            p: effect.p,
+            p_greenhouse_geisser: None,
+            partial_eta_squared: effect.partial_eta_squared,
+        }
+    }
+
+    fn within(&self, term: &'static str, within: &WithinTerm) -> VarianceRow {
+        let row = self.row(REPEATED, term, &within.effect, within.error.df);
+        VarianceRow { p_greenhouse_geisser: Some(within.p_corrected), ..row }
+    }
+}
+
+const THESIS: &str = "as in the thesis";
+const RAW: &str = "as in the thesis, not centred";
+const REPEATED: &str = "repeated measures";
+const RANKS: &str = "ranks";
+
+impl Analysis {
+    /// Analyses the data of a study.
+    ///
+    /// # Errors
+    /// If the data cannot be read.
+    pub fn of(study: &Study, folder: &Folder) -> Result<Self, crate::data::DataError> {
+        let answers = folder.answers()?;
+        let simulated = answers.iter().any(|row| row.simulated);
+        let mut analysis = Self { simulated, ..Self::default() };
+        let rows: Vec<&Row> = answers.iter().filter(|row| !row.training).collect();
+        for (name, phase) in &study.phases.0 {
+            let of_phase: Vec<&Row> = rows.iter().copied().filter(|row| row.phase == name.text).collect();
+            if of_phase.is_empty() {
+                continue;
+            }
+            match phase {
+                Phase::Rate(_) => analysis.rate(&name.text, &of_phase),
+                Phase::Compare(compare) => {
+                    let versions = study.some_versions(&compare.versions);
+                    let first = versions.first().map_or("", |version| study.version_name(*version));
+                    let reference = compare.reference.as_ref().map_or(first, |name| &name.text);
+                    analysis.compare(&name.text, reference, &of_phase);
+                }
+                Phase::Pairs(pairs) => {
+                    let ratings: Vec<&Row> =
+                        rows.iter().copied().filter(|row| is_rating(study, row)).collect();
+                    analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
+                }
+                Phase::ConstantStimuli(_) | Phase::Staircase(_) => {
+                    analysis.thresholds(&name.text, phase.standard().unwrap_or(0.0), &of_phase);
+                }
+                Phase::Practice(_) | Phase::Explore(_) | Phase::Questions(_) => {}
+            }
+        }
+        Ok(analysis)
+    }
+
+    /// Keeps a result, or says why there is none.
+    fn keep<T, E: std::fmt::Display>(&mut self, what: &str, result: Result<T, E>) -> Option<T> {
+        result.map_err(|error| self.left_out.push(format!("{what}: {error}"))).ok()
+    }
+
+    fn means(&mut self, phase: &str, scale: &str, ratings: &Ratings, reference: Option<&str>) {
+        let scaled = ratings.over_deviation();
+        let value = |cell: &Cell| ratings.cells.iter().position(|known| known == cell).map(|at| mean(&ratings.column(at)));
+        for (at, (surface, version)) in ratings.cells.iter().enumerate() {
+            let values = ratings.column(at);
+            let of_reference = reference.and_then(|name| value(&(surface.clone(), name.to_owned())));
+            let less = of_reference.filter(|of| *of > 0.0).map(|of| 100.0 * (of - mean(&values)) / of);
+            self.means.push(MeanRow {
+                phase: phase.to_owned(),
+                scale: scale.to_owned(),
+                surface: surface.clone(),
+                version: version.clone(),
+                people: values.len(),
+                mean: mean(&values),
+                sd: standard_deviation(&values),
+                mean_over_sd: mean(&scaled.column(at)),
+                less_than_reference_percent: less,
+            });
+        }
+    }
+
+    /// Ratings: surface and version, and how the scales go together.
+    fn rate(&mut self, phase: &str, rows: &[&Row]) {
+        let mut scales = Vec::new();
+        rows.iter().for_each(|row| drop(place(&mut scales, row.scale.clone())));
+        let mut by_scale: Vec<(String, Vec<f64>)> = Vec::new();
+        for scale in scales {
+            let of_scale: Vec<&Row> = rows.iter().copied().filter(|row| row.scale == scale).collect();
+            let ratings = Ratings::of(&of_scale, |row| (row.first_surface.clone(), row.first_version.clone()));
+            self.means(phase, &scale, &ratings, None);
+            let scaled = ratings.over_deviation();
+            by_scale.push((scale.clone(), (0..scaled.cells.len()).map(|at| mean(&scaled.column(at))).collect()));
+            let (_, versions) = scaled.factors();
+            // A surface without one of the versions, such as a blank, is no part of the two factors.
+            let has_all = |surface: &str| {
+                versions.iter().all(|version| scaled.cells.contains(&(surface.to_owned(), version.clone())))
+            };
+            let crossed = scaled.select(|(surface, _)| has_all(surface));
+            self.variance_of(phase, &scale, &crossed);
+        }
+        let (names, columns): (Vec<String>, Vec<Vec<f64>>) = by_scale.into_iter().unzip();
+        if names.len() > 1 && columns.windows(2).all(|two| two[0].len() == two[1].len()) {
+            let what = format!("correlations of {phase}");
+            let Some(matrix) = self.keep(&what, correlation_matrix(&columns, CONFIDENCE)) else { return };
+            for (a, of) in names.iter().enumerate() {
+                for (b, with) in names.iter().enumerate().skip(a + 1) {
+                    let Some(found) = matrix.get(a).and_then(|row| row.get(b)) else { continue };
+                    self.relations.push(RelationRow {
+                        phase: phase.to_owned(),
+                        kind: "correlation",
+                        of: of.clone(),
+                        with: with.clone(),
+                        value: found.r.value,
+                        low: found.r.low,
+                        high: found.r.high,
+                        p: found.p,
+                        count: found.count,
+                        r_squared: Some(found.r.value * found.r.value),
+                    });
+                }
+            }
+        }
+    }
+
+    fn variance_of(&mut self, phase: &str, scale: &str, ratings: &Ratings) {
+        let (surfaces, versions) = ratings.factors();
+        let table = ratings.complete();
+        let of = Of { phase, scale, of: "", people: table.len() };
+        let what = format!("variance of {phase}, {scale}");
+        match (surfaces.len(), versions.len()) {
+            (2.., 2..) => {
+                let each = table.iter().flat_map(|row| {
+                    let levels = versions.len();
+                    row.iter().enumerate().map(move |(at, value)| (at / levels, at % levels, *value))
+                });
+                let each: Vec<(usize, usize, f64)> = each.collect();
+                if let Some(two) = self.keep(&what, anova::two_way(&each, true)) {
+                    let df = two.residual.df;
+                    self.variance.push(of.row(THESIS, "surface", &two.a, df));
+                    self.variance.push(of.row(THESIS, "version", &two.b, df));
+                    self.variance.extend(two.interaction.map(|both| of.row(THESIS, "surface x version", &both, df)));
+                }
+                let repeated = repeated::two_way(&table, surfaces.len(), versions.len());
+                if let Some(two) = self.keep(&what, repeated) {
+                    self.variance.push(of.within("surface", &two.a));
+                    self.variance.push(of.within("version", &two.b));
+                    self.variance.push(of.within("surface x version", &two.interaction));
+                }
+            }
+            (2.., 1) | (1, 2..) => {
+                let term = if versions.len() == 1 { "surface" } else { "version" };
+                if let Some(one) = self.keep(&what, anova::one_way(&columns(&table))) {
+                    self.variance.push(of.row(THESIS, term, &one.effect, one.residual.df));
+                }
+                if let Some(one) = self.keep(&what, repeated::one_way(&table)) {
+                    self.variance.push(of.within(term, &one.term));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Comparisons with the real surface: the versions of each surface against one another.
+    fn compare(&mut self, phase: &str, reference: &str, rows: &[&Row]) {
+        let all = Ratings::of(rows, |row| (row.second_surface.clone(), row.second_version.clone()));
+        let scale = rows.first().map_or("", |row| &row.scale);
+        self.means(phase, scale, &all, Some(reference));
+        for surface in all.factors().0 {
+            let ratings = all.select(|(of, _)| *of == surface);
+            let (table, versions) = (ratings.complete(), ratings.factors().1);
+            let of = Of { phase, scale, of: &surface, people: table.len() };
+            let what = format!("{phase}, {surface}");
+            for (test, table) in [(THESIS, centred_by_person(&table)), (RAW, table.clone())] {
+                let groups = columns(&table);
+                let Some(one) = self.keep(&what, anova::one_way(&groups)) else { continue };
+                self.variance.push(of.row(test, "version", &one.effect, one.residual.df));
+                let pairs = tukey(&one.means, &one.counts, &one.residual, CONFIDENCE);
+                self.compared(&of, test, &versions, pairs);
+            }
+            if let Some(one) = self.keep(&what, repeated::one_way(&table)) {
+                self.variance.push(of.within("version", &one.term));
+                let counts = vec![one.people; one.means.len()];
+                self.compared(&of, REPEATED, &versions, tukey(&one.means, &counts, &one.term.error, CONFIDENCE));
+            }
+            if let Some(ranks) = self.keep(&what, friedman(&table)) {
+                let mut row = of.row(RANKS, "version", &Term::default(), f64::NAN);
+                (row.ss, row.df, row.f, row.p) = (f64::NAN, ranks.df, ranks.chi_squared, ranks.p);
+                row.partial_eta_squared = ranks.agreement;
+                self.variance.push(row);
+            }
+            for pair in self.keep(&what, wilcoxon_pairs(&table)).unwrap_or_default() {
+                let (from, to) = (versions[pair.from].clone(), versions[pair.to].clone());
+                let (phase, surface) = (phase.to_owned(), surface.clone());
+                let (difference, low, high, test) = (None, None, None, RANKS);
+                self.comparisons.push(ComparisonRow { phase, test, surface, from, to, difference, low, high, p: pair.p_holm });
+            }
+        }
+    }
+
+    fn compared<E: std::fmt::Display>(
+        &mut self,
+        of: &Of<'_>,
+        test: &'static str,
+        versions: &[String],
+        pairs: Result<Vec<Comparison>, E>,
+    ) {
+        let pairs = self.keep(&format!("{}, {}", of.phase, of.of), pairs).unwrap_or_default();
+        self.comparisons.extend(pairs.into_iter().map(|pair| ComparisonRow {
+            phase: of.phase.to_owned(),
+            test,
+            surface: of.of.to_owned(),
+            from: versions[pair.from].clone(),
+            to: versions[pair.to].clone(),
+            difference: Some(pair.difference),
+            low: Some(pair.low),
+            high: Some(pair.high),
+            p: pair.p,
+        }));
+    }
+
+    /// Pairs: a map, a tree, and the ratings that explain the dissimilarities (Eq. 3.3.1).
+    fn pairs(&mut self, phase: &str, is_from_same: bool, rows: &[&Row], ratings: &[&Row]) {
+        let name = |surface: &str, version: &str| format!("{surface}, {version}");
+        let both = |row: &Row| {
+            let first = name(&row.first_surface, &row.first_version);
+            let second = name(&row.second_surface, &row.second_version);
+            if first < second { (first, second) } else { (second, first) }
+        };
+        let all = Ratings::of(rows, both).over_deviation();
+        let mut stimuli: Vec<String> = Vec::new();
+        for (first, second) in &all.cells {
+            place(&mut stimuli, first.clone());
+            place(&mut stimuli, second.clone());
+        }
+        stimuli.sort();
+        let of_pair = |a: usize, b: usize| {
+            let cell = (stimuli[a].clone(), stimuli[b].clone());
+            all.cells.iter().position(|known| *known == cell).map(|at| mean(&all.column(at)))
+        };
+        let pairs: Vec<(usize, usize)> =
+            (0..stimuli.len()).flat_map(|a| (a + 1..stimuli.len()).map(move |b| (a, b))).collect();
+        let found: Option<Vec<f64>> = pairs.iter().map(|(a, b)| of_pair(*a, *b)).collect();
+        let Some(mut dissimilarities) = found else {
+            self.left_out.push(format!("map of {phase}: some pairs have no answer"));
+            return;
+        };
+        if !is_from_same {
+            let largest = dissimilarities.iter().copied().fold(0.0, f64::max);
+            dissimilarities.iter_mut().for_each(|value| *value = largest - *value);
+        }
+        self.map(phase, &stimuli, &dissimilarities);
+        self.explained(phase, (&stimuli, &pairs), &dissimilarities, ratings);
+    }
+
+    fn map(&mut self, phase: &str, stimuli: &[String], dissimilarities: &[f64]) {
+        let most = stimuli.len().saturating_sub(1);
+        let (dimensions, scree) = (DIMENSIONS.0.min(most), DIMENSIONS.1.min(most));
+        let space = perceptual_space(dissimilarities, stimuli.len(), dimensions, scree);
+        let Some(space) = self.keep(&format!("map of {phase}"), space) else { return };
+        for (at, place) in space.places.iter().enumerate() {
+            let groups: Vec<String> = space.cuts.iter().map(|cut| cut[at].to_string()).collect();
+            let axis = |number: usize| place.get(number).copied();
+            let (stimulus, groups, phase) = (stimuli[at].clone(), groups.join(" "), phase.to_owned());
+            self.places.push(PlaceRow { phase, stimulus, x: axis(0).unwrap_or(0.0), y: axis(1), z: axis(2), groups });
+        }
+        let scree = space.stress.iter().zip(&space.r_squared).zip(1..);
+        self.scree.extend(scree.map(|((stress, r_squared), dimensions)| ScreeRow {
+            phase: phase.to_owned(),
+            dimensions,
+            stress: *stress,
+            r_squared: *r_squared,
+        }));
+    }
+
+    fn explained(
+        &mut self,
+        phase: &str,
+        (stimuli, pairs): (&[String], &[(usize, usize)]),
+        dissimilarities: &[f64],
+        ratings: &[&Row],
+    ) {
+        let (mut scales, mut differences) = (Vec::new(), Vec::new());
+        ratings.iter().for_each(|row| drop(place(&mut scales, row.scale.clone())));
+        for scale in &scales {
+            let of_scale: Vec<&Row> = ratings.iter().copied().filter(|row| row.scale == *scale).collect();
+            let of = Ratings::of(&of_scale, |row| (row.first_surface.clone(), row.first_version.clone()));
+            let of = of.over_deviation();
+            let names: Vec<String> = of.cells.iter().map(|(surface, version)| format!("{surface}, {version}")).collect();
+            let value = |stimulus: &String| names.iter().position(|name| name == stimulus).map(|at| mean(&of.column(at)));
+            let values: Option<Vec<f64>> = stimuli.iter().map(value).collect();
+            let Some(values) = values else { return };
+            differences.push(pairs.iter().map(|(a, b)| (values[*a] - values[*b]).abs()).collect::<Vec<f64>>());
+        }
+        if scales.is_empty() {
+            return;
+        }
+        let found = regress(&differences, dissimilarities, false, CONFIDENCE);
+        let Some(found) = self.keep(&format!("regression of {phase}"), found) else { return };
+        for (scale, coefficient) in scales.into_iter().zip(&found.coefficients) {
+            self.relations.push(RelationRow {
+                phase: phase.to_owned(),
+                kind: "regression of dissimilarity on differences of ratings (Eq. 3.3.1)",
+                of: "dissimilarity".to_owned(),
+                with: scale,
+                value: coefficient.estimate.value,
+                low: coefficient.estimate.low,
+                high: coefficient.estimate.high,
+                p: coefficient.p,
+                count: pairs.len(),
+                r_squared: Some(found.r_squared),
+            });
+        }
+    }
+
+    /// Psychometric functions: how often the level was called more than the standard, for each participant and for all.
+    fn thresholds(&mut self, phase: &str, standard: f64, rows: &[&Row]) {
+        let mut people: Vec<String> = Vec::new();
+        rows.iter().for_each(|row| drop(place(&mut people, row.participant.clone())));
+        people.push("all".to_owned());
+        for participant in people {
+            let mut blocks = BTreeMap::<u64, Block>::new();
+            let own = rows.iter().filter(|row| participant == "all" || row.participant == participant);
+            for (level, is_right) in own.filter_map(|row| Some((row.level?, row.is_right?))) {
+                // Of two alternatives: right answers by the difference from the standard.
+                let level = (level - standard).abs();
+                let block = blocks.entry(level.to_bits()).or_insert(Block { level, trials: 0, positive: 0 });
+                block.trials += 1;
+                block.positive += u32::from(is_right);
+            }
+            let blocks: Vec<Block> = blocks.into_values().filter(|block| block.level > 0.0).collect();
+            let settings = FitSettings { guess: 0.5, ..FitSettings::default() };
+            let what = format!("threshold of {participant} in {phase}");
+            if let Some(found) = self.keep(&what, fit(&blocks, &settings)) {
+                self.thresholds.push(ThresholdRow {
+                    phase: phase.to_owned(),
+                    participant,
+                    trials: blocks.iter().map(|block| block.trials).sum(),
+                    threshold: found.threshold.value,
+                    low: found.threshold.low,
+                    high: found.threshold.high,
+                    slope: found.slope.value,
+                    lapse: found.lapse.value,
+                    p_of_deviance: found.p,
+                });
+            }
+        }
+    }
+
+    /// The tables as (name, CSV).
+    ///
+    /// # Errors
+    /// If a table cannot be written.
+    pub fn tables(&self) -> Result<Vec<(&'static str, Vec<u8>)>, csv::Error> {
+        fn table<T: Serialize>(rows: &[T]) -> Result<Vec<u8>, csv::Error> {
+            let mut writer = csv::Writer::from_writer(Vec::new());
+            rows.iter().try_for_each(|row| writer.serialize(row))?;
+            writer.into_inner().map_err(|error| error.into_error().into())
+        }
+        let all = vec![
+            ("means.csv", table(&self.means)?),
+            ("variance.csv", table(&self.variance)?),
+            ("comparisons.csv", table(&self.comparisons)?),
+            ("relations.csv", table(&self.relations)?),
+            ("places.csv", table(&self.places)?),
+            ("scree.csv", table(&self.scree)?),
+            ("thresholds.csv", table(&self.thresholds)?),
+        ];
+        Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
+    }
+}
+
+fn is_rating(study: &Study, row: &Row) -> bool {
+    study.phases.find(&row.phase).is_some_and(|at| matches!(study.phases.0[at].1, Phase::Rate(_)))
+}
