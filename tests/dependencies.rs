@@ -185,7 +185,9 @@ fn no_crate_is_there_twice_but_those_of_the_list() {
 fn every_crate_has_its_licences_and_tells_its_features() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
-    for folder in [".", "signal", "engine", "surfaces", "nodes", "learning", "live", "report", "study", "studio"] {
+    for folder in
+        [".", "signal", "engine", "surfaces", "nodes", "learning", "live", "report", "study", "studio"]
+    {
         for licence in ["LICENSE-APACHE", "LICENSE-MIT"] {
             let found = std::fs::read_to_string(root.join(folder).join(licence)).ok();
             assert_eq!(found, Some(text(licence)), "{folder}/{licence}");

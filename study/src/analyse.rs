@@ -10,6 +10,7 @@ use crate::statistics::regression::{correlation_matrix, regress};
 use crate::statistics::repeated::{self, WithinTerm};
 use crate::statistics::space::perceptual_space;
 use crate::statistics::tukey::{Comparison, tukey};
+use haptograph_engine::document::value::Name;
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -28,14 +29,14 @@ pub struct VarianceRow {
     pub test: &'static str,
     pub of: String,
     pub term: &'static str,
-    pub people: usize,
-    pub ss: f64,
+    pub ss: Option<f64>,
     pub df: f64,
-    pub residual_df: f64,
+    pub residual_df: Option<f64>,
+    /// Chi squared in a test of ranks.
     pub f: f64,
     pub p: f64,
     pub p_greenhouse_geisser: Option<f64>,
-    pub partial_eta_squared: f64,
+    pub partial_eta_squared: Option<f64>,
 }
 
 /// A comparison of two versions of a surface.
@@ -170,7 +171,8 @@ impl Ratings {
         // In the order of names, so that the order of trials changes nothing.
         let mut order: Vec<usize> = (0..cells.len()).collect();
         order.sort_by_key(|cell| &cells[*cell]);
-        let value = |person, cell| sums.get(&(person, cell)).map_or(f64::NAN, |(sum, count)| sum / *count as f64);
+        let value =
+            |person, cell| sums.get(&(person, cell)).map_or(f64::NAN, |(sum, count)| sum / *count as f64);
         let rows = (0..people.len()).map(|person| order.iter().map(|cell| value(person, *cell)).collect());
         Self { rows: rows.collect(), cells: order.iter().map(|cell| cells[*cell].clone()).collect() }
     }
@@ -220,13 +222,21 @@ fn place<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
     })
 }
 
+/// The values of a column, in the order in which they come.
+fn distinct(rows: &[&Row], of: impl Fn(&Row) -> &String) -> Vec<String> {
+    let mut values = Vec::new();
+    for row in rows {
+        place(&mut values, of(row).clone());
+    }
+    values
+}
+
 /// What a table of variance is of.
 #[derive(Clone, Copy)]
 struct Of<'a> {
     phase: &'a str,
     scale: &'a str,
     of: &'a str,
-    people: usize,
 }
 
 impl Of<'_> {
@@ -237,14 +247,13 @@ impl Of<'_> {
             test,
             of: self.of.to_owned(),
             term,
-            people: self.people,
-            ss: effect.ss,
+            ss: Some(effect.ss),
             df: effect.df,
-            residual_df,
+            residual_df: Some(residual_df),
             f: effect.f,
             p: effect.p,
             p_greenhouse_geisser: None,
-            partial_eta_squared: effect.partial_eta_squared,
+            partial_eta_squared: Some(effect.partial_eta_squared),
         }
     }
 
@@ -283,8 +292,10 @@ impl Analysis {
                     analysis.compare(&name.text, reference, &of_phase);
                 }
                 Phase::Pairs(pairs) => {
-                    let ratings: Vec<&Row> =
-                        rows.iter().copied().filter(|row| is_rating(study, row)).collect();
+                    // Of several phases of ratings the last.
+                    let is_rate = |(_, phase): &&(Name, Phase)| matches!(phase, Phase::Rate(_));
+                    let rated = study.phases.0.iter().rfind(is_rate).map_or("", |(name, _)| &name.text);
+                    let ratings: Vec<&Row> = rows.iter().copied().filter(|row| row.phase == rated).collect();
                     analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
                 }
                 Phase::ConstantStimuli(_) | Phase::Staircase(_) => {
@@ -303,7 +314,9 @@ impl Analysis {
 
     fn means(&mut self, phase: &str, scale: &str, ratings: &Ratings, reference: Option<&str>) {
         let scaled = ratings.over_deviation();
-        let value = |cell: &Cell| ratings.cells.iter().position(|known| known == cell).map(|at| mean(&ratings.column(at)));
+        let value = |cell: &Cell| {
+            ratings.cells.iter().position(|known| known == cell).map(|at| mean(&ratings.column(at)))
+        };
         for (at, (surface, version)) in ratings.cells.iter().enumerate() {
             let values = ratings.column(at);
             let of_reference = reference.and_then(|name| value(&(surface.clone(), name.to_owned())));
@@ -324,15 +337,16 @@ impl Analysis {
 
     /// Ratings: surface and version, and how the scales go together.
     fn rate(&mut self, phase: &str, rows: &[&Row]) {
-        let mut scales = Vec::new();
-        rows.iter().for_each(|row| drop(place(&mut scales, row.scale.clone())));
+        let scales = distinct(rows, |row| &row.scale);
         let mut by_scale: Vec<(String, Vec<f64>)> = Vec::new();
         for scale in scales {
             let of_scale: Vec<&Row> = rows.iter().copied().filter(|row| row.scale == scale).collect();
-            let ratings = Ratings::of(&of_scale, |row| (row.first_surface.clone(), row.first_version.clone()));
+            let ratings =
+                Ratings::of(&of_scale, |row| (row.first_surface.clone(), row.first_version.clone()));
             self.means(phase, &scale, &ratings, None);
             let scaled = ratings.over_deviation();
-            by_scale.push((scale.clone(), (0..scaled.cells.len()).map(|at| mean(&scaled.column(at))).collect()));
+            by_scale
+                .push((scale.clone(), (0..scaled.cells.len()).map(|at| mean(&scaled.column(at))).collect()));
             let (_, versions) = scaled.factors();
             // A surface without one of the versions, such as a blank, is no part of the two factors.
             let has_all = |surface: &str| {
@@ -368,7 +382,7 @@ impl Analysis {
     fn variance_of(&mut self, phase: &str, scale: &str, ratings: &Ratings) {
         let (surfaces, versions) = ratings.factors();
         let table = ratings.complete();
-        let of = Of { phase, scale, of: "", people: table.len() };
+        let of = Of { phase, scale, of: "" };
         let what = format!("variance of {phase}, {scale}");
         match (surfaces.len(), versions.len()) {
             (2.., 2..) => {
@@ -381,7 +395,8 @@ impl Analysis {
                     let df = two.residual.df;
                     self.variance.push(of.row(THESIS, "surface", &two.a, df));
                     self.variance.push(of.row(THESIS, "version", &two.b, df));
-                    self.variance.extend(two.interaction.map(|both| of.row(THESIS, "surface x version", &both, df)));
+                    self.variance
+                        .extend(two.interaction.map(|both| of.row(THESIS, "surface x version", &both, df)));
                 }
                 let repeated = repeated::two_way(&table, surfaces.len(), versions.len());
                 if let Some(two) = self.keep(&what, repeated) {
@@ -411,7 +426,7 @@ impl Analysis {
         for surface in all.factors().0 {
             let ratings = all.select(|(of, _)| *of == surface);
             let (table, versions) = (ratings.complete(), ratings.factors().1);
-            let of = Of { phase, scale, of: &surface, people: table.len() };
+            let of = Of { phase, scale, of: &surface };
             let what = format!("{phase}, {surface}");
             for (test, table) in [(THESIS, centred_by_person(&table)), (RAW, table.clone())] {
                 let groups = columns(&table);
@@ -423,19 +438,44 @@ impl Analysis {
             if let Some(one) = self.keep(&what, repeated::one_way(&table)) {
                 self.variance.push(of.within("version", &one.term));
                 let counts = vec![one.people; one.means.len()];
-                self.compared(&of, REPEATED, &versions, tukey(&one.means, &counts, &one.term.error, CONFIDENCE));
+                self.compared(
+                    &of,
+                    REPEATED,
+                    &versions,
+                    tukey(&one.means, &counts, &one.term.error, CONFIDENCE),
+                );
             }
             if let Some(ranks) = self.keep(&what, friedman(&table)) {
-                let mut row = of.row(RANKS, "version", &Term::default(), f64::NAN);
-                (row.ss, row.df, row.f, row.p) = (f64::NAN, ranks.df, ranks.chi_squared, ranks.p);
-                row.partial_eta_squared = ranks.agreement;
-                self.variance.push(row);
+                self.variance.push(VarianceRow {
+                    phase: phase.to_owned(),
+                    scale: scale.to_owned(),
+                    test: RANKS,
+                    of: surface.clone(),
+                    term: "version",
+                    ss: None,
+                    df: ranks.df,
+                    residual_df: None,
+                    f: ranks.chi_squared,
+                    p: ranks.p,
+                    p_greenhouse_geisser: None,
+                    partial_eta_squared: None,
+                });
             }
             for pair in self.keep(&what, wilcoxon_pairs(&table)).unwrap_or_default() {
                 let (from, to) = (versions[pair.from].clone(), versions[pair.to].clone());
                 let (phase, surface) = (phase.to_owned(), surface.clone());
                 let (difference, low, high, test) = (None, None, None, RANKS);
-                self.comparisons.push(ComparisonRow { phase, test, surface, from, to, difference, low, high, p: pair.p_holm });
+                self.comparisons.push(ComparisonRow {
+                    phase,
+                    test,
+                    surface,
+                    from,
+                    to,
+                    difference,
+                    low,
+                    high,
+                    p: pair.p_holm,
+                });
             }
         }
     }
@@ -504,7 +544,14 @@ impl Analysis {
             let groups: Vec<String> = space.cuts.iter().map(|cut| cut[at].to_string()).collect();
             let axis = |number: usize| place.get(number).copied();
             let (stimulus, groups, phase) = (stimuli[at].clone(), groups.join(" "), phase.to_owned());
-            self.places.push(PlaceRow { phase, stimulus, x: axis(0).unwrap_or(0.0), y: axis(1), z: axis(2), groups });
+            self.places.push(PlaceRow {
+                phase,
+                stimulus,
+                x: axis(0).unwrap_or(0.0),
+                y: axis(1),
+                z: axis(2),
+                groups,
+            });
         }
         let scree = space.stress.iter().zip(&space.r_squared).zip(1..);
         self.scree.extend(scree.map(|((stress, r_squared), dimensions)| ScreeRow {
@@ -522,22 +569,25 @@ impl Analysis {
         dissimilarities: &[f64],
         ratings: &[&Row],
     ) {
-        let (mut scales, mut differences) = (Vec::new(), Vec::new());
-        ratings.iter().for_each(|row| drop(place(&mut scales, row.scale.clone())));
+        let (scales, mut differences) = (distinct(ratings, |row| &row.scale), Vec::new());
         for scale in &scales {
             let of_scale: Vec<&Row> = ratings.iter().copied().filter(|row| row.scale == *scale).collect();
             let of = Ratings::of(&of_scale, |row| (row.first_surface.clone(), row.first_version.clone()));
             let of = of.over_deviation();
-            let names: Vec<String> = of.cells.iter().map(|(surface, version)| format!("{surface}, {version}")).collect();
-            let value = |stimulus: &String| names.iter().position(|name| name == stimulus).map(|at| mean(&of.column(at)));
+            let names: Vec<String> =
+                of.cells.iter().map(|(surface, version)| format!("{surface}, {version}")).collect();
+            let value = |stimulus: &String| {
+                names.iter().position(|name| name == stimulus).map(|at| mean(&of.column(at)))
+            };
             let values: Option<Vec<f64>> = stimuli.iter().map(value).collect();
             let Some(values) = values else { return };
-            differences.push(pairs.iter().map(|(a, b)| (values[*a] - values[*b]).abs()).collect::<Vec<f64>>());
+            differences
+                .push(pairs.iter().map(|(a, b)| (values[*a] - values[*b]).abs()).collect::<Vec<f64>>());
         }
         if scales.is_empty() {
             return;
         }
-        let found = regress(&differences, dissimilarities, false, CONFIDENCE);
+        let found = regress(&differences, dissimilarities, false);
         let Some(found) = self.keep(&format!("regression of {phase}"), found) else { return };
         for (scale, coefficient) in scales.into_iter().zip(&found.coefficients) {
             self.relations.push(RelationRow {
@@ -557,8 +607,7 @@ impl Analysis {
 
     /// Psychometric functions: how often the level was called more than the standard, for each participant and for all.
     fn thresholds(&mut self, phase: &str, standard: f64, rows: &[&Row]) {
-        let mut people: Vec<String> = Vec::new();
-        rows.iter().for_each(|row| drop(place(&mut people, row.participant.clone())));
+        let mut people = distinct(rows, |row| &row.participant);
         people.push("all".to_owned());
         for participant in people {
             let mut blocks = BTreeMap::<u64, Block>::new();
@@ -610,8 +659,4 @@ impl Analysis {
         ];
         Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
     }
-}
-
-fn is_rating(study: &Study, row: &Row) -> bool {
-    study.phases.find(&row.phase).is_some_and(|at| matches!(study.phases.0[at].1, Phase::Rate(_)))
 }

@@ -97,9 +97,8 @@ impl Checked {
     /// # Errors
     /// With every problem of the file.
     pub fn load(path: &Path, surfaces: Option<&Path>) -> Result<Self, StudyError> {
-        let mut text = files::read_text(path, MAX_GRAPH_BYTES).map_err(|error| {
-            StudyError::Run(format!("cannot read {}: {error}", path.display()))
-        })?;
+        let mut text = files::read_text(path, MAX_GRAPH_BYTES)
+            .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
         let mut file = SettingsFile::<Study>::parse(path, &text, "a study").map_err(StudyError::Study)?;
         if let Some(folder) = surfaces {
             file.content.surfaces = surfaces_of(folder)?;
@@ -113,6 +112,11 @@ impl Checked {
             .map_err(|findings| StudyError::Graph { of: "any parameter".to_owned(), findings })?;
         let study = file.content.clone();
         Ok(Self { study, path: path.to_path_buf(), sha256: sha256(text.as_bytes()), document, file })
+    }
+
+    /// The text of the file.
+    pub fn text(&self) -> &str {
+        self.file.sources.iter().next().map_or("", |source| &source.text)
     }
 
     /// Name of a stimulus: `canvas, real`.
@@ -331,7 +335,9 @@ impl Names<'_> {
             if self.list.is_empty() && !is_empty && !self.has_trials(&name.text) {
                 let message = format!("phase `{}` has no trials", name.text);
                 let wrong = Diagnostic::error("E0304", name.span, message).label("nothing to present");
-                self.list.push(wrong.help("a real surface needs `sample`, a virtual one `file`, and a rating a scale"));
+                self.list.push(
+                    wrong.help("a real surface needs `sample`, a virtual one `file`, and a rating a scale"),
+                );
             }
         }
         self.list

@@ -1,12 +1,14 @@
 //! The folder of a study: tables that grow by a line a trial, on disk before the next trial.
 
 use crate::check::Checked;
-use haptograph_signal::files::write_atomically;
+use crate::document::Study;
+use haptograph_engine::document::SettingsFile;
+use haptograph_signal::files::{self, MAX_GRAPH_BYTES, write_atomically};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -158,8 +160,10 @@ pub struct Claim {
     /// The participant.
     pub participant: Participant,
     session: String,
-    /// Attempts so far.
-    known: usize,
+    /// The participant's attempts so far.
+    rows: Vec<Row>,
+    /// Length of the table of trials with these.
+    length: u64,
     _lock: File,
 }
 
@@ -183,18 +187,25 @@ fn now_utc() -> String {
     format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", rest / 3600, rest / 60 % 60, rest % 60)
 }
 
-/// The lines of a table. A last line without its end was never confirmed, and is left out.
-fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
-    let text = match fs::read(path) {
+/// The text of a table. A last line without its end was never confirmed, and is left out.
+fn whole_lines(path: &Path) -> Result<Vec<u8>, DataError> {
+    let mut text = match fs::read(path) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(wrong(path, error)),
     };
     let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-    csv::Reader::from_reader(&text[..whole])
-        .deserialize()
-        .collect::<Result<Vec<T>, _>>()
-        .map_err(|error| wrong(path, error))
+    text.truncate(whole);
+    Ok(text)
+}
+
+fn parsed<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Result<Vec<T>, DataError> {
+    let rows = csv::Reader::from_reader(text).deserialize().collect::<Result<Vec<T>, _>>();
+    rows.map_err(|error| wrong(path, error))
+}
+
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
+    parsed(path, &whole_lines(path)?)
 }
 
 fn lines<T: Serialize>(rows: &[T], has_header: bool) -> Result<Vec<u8>, csv::Error> {
@@ -203,20 +214,28 @@ fn lines<T: Serialize>(rows: &[T], has_header: bool) -> Result<Vec<u8>, csv::Err
     writer.into_inner().map_err(|error| error.into_error().into())
 }
 
-/// Adds lines to a table and waits until they are on disk. What an interrupted writer left of a line is cut off.
-fn append<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), DataError> {
-    let add = || -> io::Result<()> {
-        let mut file = OpenOptions::new().read(true).append(true).create(true).open(path)?;
-        file.lock()?;
-        let text = fs::read(path)?;
-        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-        if whole < text.len() {
-            file.set_len(whole as u64)?;
-        }
-        file.write_all(&lines(rows, whole == 0)?)?;
-        file.sync_data()
-    };
-    add().map_err(|error| wrong(path, error))
+/// Adds lines to a table and waits until they are on disk. What an interrupted writer left of a line is cut off. `may` gets what
+/// came into the table after `from`, and its length afterwards is returned.
+fn append<T: Serialize>(
+    path: &Path,
+    rows: &[T],
+    from: u64,
+    may: impl FnOnce(&[u8]) -> Result<(), DataError>,
+) -> Result<u64, DataError> {
+    let of = |error: io::Error| wrong(path, error);
+    let file = OpenOptions::new().read(true).append(true).create(true).open(path);
+    let mut file = file.map_err(of)?;
+    file.lock().map_err(of)?;
+    let mut tail = Vec::new();
+    file.seek(SeekFrom::Start(from)).and_then(|_| file.read_to_end(&mut tail)).map_err(of)?;
+    let whole = tail.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    may(&tail[..whole])?;
+    let length = from + whole as u64;
+    let text = lines(rows, length == 0).map_err(|error| wrong(path, error))?;
+    let is_torn = whole < tail.len();
+    let cut = if is_torn { file.set_len(length) } else { Ok(()) };
+    cut.and_then(|()| file.write_all(&text)).and_then(|()| file.sync_data()).map_err(of)?;
+    Ok(length + text.len() as u64)
 }
 
 /// Replaces a table.
@@ -247,7 +266,9 @@ impl Folder {
             Ok(text) => {
                 let before: serde_json::Value =
                     serde_json::from_slice(&text).map_err(|error| wrong(&own, error))?;
-                if before["study_sha256"] != about["study_sha256"] || before["graph_sha256"] != about["graph_sha256"] {
+                if before["study_sha256"] != about["study_sha256"]
+                    || before["graph_sha256"] != about["graph_sha256"]
+                {
                     return Err(DataError::OtherStudy { path: folder.path });
                 }
                 if before["simulated"] != about["simulated"] {
@@ -259,6 +280,9 @@ impl Folder {
                 let text = serde_json::to_vec_pretty(&about).map_err(|error| wrong(&own, error))?;
                 let book = path.join("codebook.md");
                 write_atomically(&book, CODEBOOK.as_bytes()).map_err(|error| wrong(&book, error))?;
+                let copy = path.join("study.ron");
+                write_atomically(&copy, study.text().as_bytes()).map_err(|error| wrong(&copy, error))?;
+                // Last: with this file the folder is a study's.
                 write_atomically(&own, &text).map_err(|error| wrong(&own, error))?;
             }
         }
@@ -273,6 +297,18 @@ impl Folder {
         let own = path.join("study.json");
         fs::metadata(&own).map_err(|error| wrong(&own, error))?;
         Ok(Self { path: path.to_path_buf() })
+    }
+
+    /// The study as it was when the first participant came.
+    ///
+    /// # Errors
+    /// If its copy cannot be read.
+    pub fn study(&self) -> Result<Study, DataError> {
+        let path = self.path.join("study.ron");
+        let text = files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| wrong(&path, error))?;
+        let file =
+            SettingsFile::<Study>::parse(&path, &text, "a study").map_err(|error| wrong(&path, error))?;
+        Ok(file.content)
     }
 
     /// The folder.
@@ -357,13 +393,16 @@ impl Folder {
                     withdrawn_utc: String::new(),
                     simulated: is_simulated,
                 };
-                append(&self.table("participants.csv"), std::slice::from_ref(&new))?;
+                append(&self.table("participants.csv"), std::slice::from_ref(&new), 0, |_| Ok(()))?;
                 new
             }
         };
-        let known = self.rows()?.iter().filter(|row| row.participant == code).count();
+        let table = self.table("trials.csv");
+        let text = whole_lines(&table)?;
+        let mut rows: Vec<Row> = parsed(&table, &text)?;
+        rows.retain(|row| row.participant == code);
         let session = format!("{}-{}", now_utc(), std::process::id());
-        Ok(Claim { folder: self.clone(), participant, session, known, _lock: lock })
+        Ok(Claim { folder: self.clone(), participant, session, rows, length: text.len() as u64, _lock: lock })
     }
 
     /// Removes what a participant left, but for a line that says so; what was removed, in words.
@@ -399,26 +438,17 @@ impl Folder {
 
 impl Claim {
     /// The participant's attempts so far.
-    ///
-    /// # Errors
-    /// If the table cannot be read.
-    pub fn rows(&self) -> Result<Vec<Row>, DataError> {
-        let mut rows = self.folder.rows()?;
-        rows.retain(|row| row.participant == self.participant.participant);
-        Ok(rows)
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
     }
 
     /// Keeps a trial: when this returns, it is on disk.
     ///
     /// # Errors
     /// If a file cannot be written, or another program continued the participant.
-    pub fn keep(&mut self, row: Row, measures: &[(String, f64, String)]) -> Result<Row, DataError> {
+    pub fn keep(&mut self, row: Row, measures: &[(String, f64, String)]) -> Result<(), DataError> {
         let code = &self.participant.participant;
-        let before = self.rows()?;
-        if before.len() != self.known {
-            return Err(DataError::OtherSession { code: code.clone() });
-        }
-        let attempt = before.iter().filter(|known| known.trial == row.trial).count() as u32 + 1;
+        let attempt = self.rows.iter().filter(|known| known.trial == row.trial).count() as u32 + 1;
         let row = Row {
             participant: code.clone(),
             group: self.participant.group.clone(),
@@ -430,23 +460,30 @@ impl Claim {
             text: row.text.split_whitespace().collect::<Vec<_>>().join(" "),
             ..row
         };
-        let measures: Vec<Measure> = measures
-            .iter()
-            .map(|(name, value, unit)| Measure {
-                participant: code.clone(),
-                trial: row.trial,
-                attempt,
-                name: name.clone(),
-                value: *value,
-                unit: unit.clone(),
-            })
-            .collect();
+        let measure = |(name, value, unit): &(String, f64, String)| Measure {
+            participant: code.clone(),
+            trial: row.trial,
+            attempt,
+            name: name.clone(),
+            value: *value,
+            unit: unit.clone(),
+        };
+        let measures: Vec<Measure> = measures.iter().map(measure).collect();
         if !measures.is_empty() {
-            append(&self.folder.table("measures.csv"), &measures)?;
+            append(&self.folder.table("measures.csv"), &measures, 0, |_| Ok(()))?;
         }
         // Last: with this line the trial is complete.
-        append(&self.folder.table("trials.csv"), std::slice::from_ref(&row))?;
-        self.known += 1;
-        Ok(row)
+        let start = format!("{code},");
+        let is_free = |tail: &[u8]| match tail
+            .split(|byte| *byte == b'\n')
+            .any(|line| line.starts_with(start.as_bytes()))
+        {
+            true => Err(DataError::OtherSession { code: code.clone() }),
+            false => Ok(()),
+        };
+        let table = self.folder.table("trials.csv");
+        self.length = append(&table, std::slice::from_ref(&row), self.length, is_free)?;
+        self.rows.push(row);
+        Ok(())
     }
 }

@@ -437,7 +437,8 @@ impl Setting for Level {
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::Tagged(Tagged { name: Some(name), body: Body::Tuple(inner) }) = &value.shape
-            && let [Value { shape: Shape::Tagged(Tagged { name: Some(of), body: Body::Bare }), .. }] = &inner[..]
+            && let [Value { shape: Shape::Tagged(Tagged { name: Some(of), body: Body::Bare }), .. }] =
+                &inner[..]
         {
             let (arrange, factor) = (chosen(name, &ARRANGE, reading), chosen(of, &FACTORS, reading));
             return Some(Self { arrange: arrange?, factor: factor? });

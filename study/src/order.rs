@@ -1,6 +1,6 @@
 //! The trials of a participant, drawn from the study's seed and the participant's code alone.
 
-use crate::document::{Arrange, Factor, Level, Phase, Presented, Study};
+use crate::document::{Arrange, Compare, Factor, Level, Pairs, Phase, Presented, Study, Version};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::settings::Named;
 use haptograph_signal::noise::stream_seed;
@@ -143,31 +143,10 @@ impl Study {
                 (0..rate.repeats).flat_map(|_| draw.arranged(cells.clone(), &rate.order)).collect()
             }
             Phase::Compare(compare) => {
-                let presented = [Presented::Virtual(crate::document::Version { version: None })];
-                let versions = self.some_versions(&compare.versions);
-                let cells = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
-                    let is_real = self.surfaces.0[stimulus.surface].1.sample.is_some();
-                    is_real && stimulus.version.is_some_and(|version| versions.contains(&version))
-                });
-                let cells: Vec<Trial> = cells
-                    .map(|stimulus| Trial {
-                        scale: self.scales.find(&compare.scale.text),
-                        first: Some(Stimulus { version: None, ..stimulus }),
-                        second: Some(stimulus),
-                        ..Trial::default()
-                    })
-                    .collect();
+                let cells = self.compared(compare);
                 (0..compare.repeats).flat_map(|_| draw.arranged(cells.clone(), &compare.order)).collect()
             }
-            Phase::Pairs(pairs) => {
-                let stimuli = self.stimuli(&pairs.stimuli, &pairs.surfaces);
-                let scale = self.scales.find(&pairs.scale.text);
-                let all = stimuli.iter().enumerate().flat_map(|(at, first)| {
-                    let second = stimuli[at + 1..].iter();
-                    second.map(move |second| Trial { scale, second: Some(*second), ..one(*first) })
-                });
-                draw.with_sides(all.collect())
-            }
+            Phase::Pairs(pairs) => draw.with_sides(self.paired(pairs)),
             Phase::ConstantStimuli(phase) => {
                 let stimulus = self.virtual_one(&phase.surface);
                 let levels = phase.levels.iter().map(|level| Trial {
@@ -186,6 +165,38 @@ impl Study {
                 draw.with_sides_in_order(vec![trial; phase.at_most as usize])
             }
         }
+    }
+
+    /// Each version beside its real surface.
+    fn compared(&self, compare: &Compare) -> Vec<Trial> {
+        let presented = [Presented::Virtual(Version { version: None })];
+        let versions = self.some_versions(&compare.versions);
+        let stimuli = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
+            let is_real = self.surfaces.0[stimulus.surface].1.sample.is_some();
+            is_real && stimulus.version.is_some_and(|version| versions.contains(&version))
+        });
+        let scale = self.scales.find(&compare.scale.text);
+        let trial = |stimulus| {
+            let real = Stimulus { version: None, ..stimulus };
+            Trial { scale, first: Some(real), second: Some(stimulus), ..Trial::default() }
+        };
+        stimuli.map(trial).collect()
+    }
+
+    /// Each pair of stimuli.
+    fn paired(&self, pairs: &Pairs) -> Vec<Trial> {
+        let stimuli = self.stimuli(&pairs.stimuli, &pairs.surfaces);
+        let scale = self.scales.find(&pairs.scale.text);
+        let all = stimuli.iter().enumerate().flat_map(|(at, first)| {
+            let of = move |second: &Stimulus| Trial {
+                scale,
+                first: Some(*first),
+                second: Some(*second),
+                ..Trial::default()
+            };
+            stimuli[at + 1..].iter().map(of)
+        });
+        all.collect()
     }
 
     /// The first version of a virtual surface.
@@ -305,14 +316,24 @@ impl Draw {
         // The squares of several levels are crossed: each takes its own digit of the number.
         let (mut digit, mut left) = (Vec::new(), self.number);
         for level in levels {
-            let rows = if level.arrange == Arrange::Latin { square_rows(distinct(&trials, level.factor).len()) } else { 1 };
+            let rows = if level.arrange == Arrange::Latin {
+                square_rows(distinct(&trials, level.factor).len())
+            } else {
+                1
+            };
             digit.push(left % rows);
             left /= rows;
         }
         self.nested(trials, levels, &digit, &mut rows)
     }
 
-    fn nested(&mut self, trials: Vec<Trial>, levels: &[Level], digits: &[usize], used: &mut [usize]) -> Vec<Trial> {
+    fn nested(
+        &mut self,
+        trials: Vec<Trial>,
+        levels: &[Level],
+        digits: &[usize],
+        used: &mut [usize],
+    ) -> Vec<Trial> {
         let (Some((level, inner)), Some((digit, digits)), Some((row, used))) =
             (levels.split_first(), digits.split_first(), used.split_first_mut())
         else {

@@ -67,6 +67,40 @@ impl People {
         file.map(|file| file.content).map_err(StudyError::Study)
     }
 
+    /// Refuses names that the study does not have.
+    ///
+    /// # Errors
+    /// With the first of them.
+    pub fn check(&self, study: &Checked) -> Result<(), StudyError> {
+        let of = &study.study;
+        let versions: Vec<&str> =
+            (0..of.version_count()).map(|at| of.version_name(at)).chain(["real"]).collect();
+        let surfaces = of.surfaces.0.iter().map(|(name, _)| name.text.as_str());
+        let both =
+            surfaces.clone().flat_map(|surface| versions.iter().map(move |of| format!("{surface}, {of}")));
+        let both: Vec<String> = both.collect();
+        let single: Vec<&str> = surfaces.chain(versions.iter().copied()).collect();
+        let refuse = |name: &str, what: &str| {
+            Err(StudyError::Run(format!(
+                "the people have values for `{name}`, which is no {what} of the study"
+            )))
+        };
+        for (scale, values) in &self.values.0 {
+            if of.scales.find(&scale.text).is_none() {
+                return refuse(&scale.text, "scale");
+            }
+            for (name, _) in &values.0 {
+                if !single.contains(&name.text.as_str()) && !both.contains(&name.text) {
+                    return refuse(&name.text, "surface or version");
+                }
+            }
+        }
+        match self.places.0.iter().find(|(name, _)| !both.contains(&name.text)) {
+            Some((name, _)) => refuse(&name.text, "stimulus"),
+            None => Ok(()),
+        }
+    }
+
     /// Value of a stimulus on a scale.
     fn value(&self, study: &Checked, scale: &str, stimulus: Stimulus) -> f64 {
         let Some(at) = self.values.find(scale) else { return 0.0 };
@@ -120,7 +154,9 @@ impl<'p> Person<'p> {
             Phase::Questions(phase) => {
                 let question = trial.question.and_then(|at| phase.questions.0.get(at));
                 match question.map(|(_, question)| question) {
-                    Some(Question::Number(of)) => row.rating = Some(of.from + self.uniform() * (of.to - of.from)),
+                    Some(Question::Number(of)) => {
+                        row.rating = Some(of.from + self.uniform() * (of.to - of.from))
+                    }
                     Some(Question::Choice(of)) => {
                         let at = (self.uniform() * of.of.len() as f64) as usize;
                         row.choice = of.of.get(at).cloned().unwrap_or_default();
@@ -136,10 +172,12 @@ impl<'p> Person<'p> {
             }
             Phase::Pairs(phase) => {
                 let between = trial.first.zip(trial.second);
-                let distance = between.map_or(0.0, |(first, second)| self.people.distance(study, first, second));
+                let distance =
+                    between.map_or(0.0, |(first, second)| self.people.distance(study, first, second));
                 // Any monotone function of the distance.
                 let rating = self.rating(1.0 - (-distance).exp() - 0.5);
-                row.rating = Some(if phase.same_is == crate::document::End::From { rating } else { 1.0 - rating });
+                row.rating =
+                    Some(if phase.same_is == crate::document::End::From { rating } else { 1.0 - rating });
             }
             Phase::ConstantStimuli(_) | Phase::Staircase(_) => self.choose(study, trial, row),
         }
@@ -188,7 +226,8 @@ impl Probe {
     fn take(&mut self) {
         let mut frame = vec![0.0; self.port.kind().width()];
         while self.port.take(&mut frame) {
-            let value = if frame.len() == 1 { frame[0] } else { frame.iter().map(|x| x * x).sum::<f64>().sqrt() };
+            let value =
+                if frame.len() == 1 { frame[0] } else { frame.iter().map(|x| x * x).sum::<f64>().sqrt() };
             self.first.get_or_insert(value);
             self.last = value;
             self.values.push(value);
@@ -256,13 +295,16 @@ impl Checked {
     /// The line of a trial, but for its answer.
     pub fn row(&self, trial: &Trial) -> Row {
         let study = &self.study;
-        let surface = |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
+        let surface =
+            |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
         let version = |of: Option<Stimulus>| {
             of.map_or("", |of| of.version.map_or("real", |version| study.version_name(version))).to_owned()
         };
         let (name, phase) = &study.phases.0[trial.phase];
         let question = match (phase, trial.question) {
-            (Phase::Questions(phase), Some(at)) => phase.questions.0.get(at).map(|(name, _)| name.text.clone()),
+            (Phase::Questions(phase), Some(at)) => {
+                phase.questions.0.get(at).map(|(name, _)| name.text.clone())
+            }
             _ => None,
         };
         let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
@@ -298,10 +340,9 @@ impl Checked {
     ) -> Result<usize, StudyError> {
         let code = claim.participant.participant.clone();
         let trials = self.study.trials(&code, group);
-        let mut done = claim.rows()?;
         let mut count = 0;
         while count < most
-            && let Some(trial) = next(&self.study, &trials, &done)
+            && let Some(trial) = next(&self.study, &trials, claim.rows())
         {
             // The same person again, who answers each trial by its own number.
             let mut person = Person::new(people, self.study.seed, &code);
@@ -315,13 +356,19 @@ impl Checked {
             if !felt.is_open {
                 row.status = Status::Forced;
             }
-            done.push(claim.keep(row, &felt.measures)?);
+            claim.keep(row, &felt.measures)?;
             count += 1;
         }
         Ok(count)
     }
 
-    fn felt(&self, registry: &Registry, trial: &Trial, motion: Motion, seed: u64) -> Result<Felt, StudyError> {
+    fn felt(
+        &self,
+        registry: &Registry,
+        trial: &Trial,
+        motion: Motion,
+        seed: u64,
+    ) -> Result<Felt, StudyError> {
         let phase = &self.study.phases.0[trial.phase].1;
         let of = trial.second.or(trial.first).filter(|of| of.version.is_some());
         let (Motion::Simulated { longest_s }, Some(of)) = (motion, of) else {

@@ -36,7 +36,11 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
 }
 
 /// A file that holds one `S(format: 1, ...)` and is no graph; `file` is its name in messages.
-pub(super) fn settings<S: Settings>(path: &Path, text: Arc<str>, file: &str) -> Result<SettingsFile<S>, Diagnostics> {
+pub(super) fn settings<S: Settings>(
+    path: &Path,
+    text: Arc<str>,
+    file: &str,
+) -> Result<SettingsFile<S>, Diagnostics> {
     let mut sources = Sources::default();
     let id = sources.add(path.to_path_buf(), Arc::clone(&text));
     let mut loader = Loader::of(empty(sources));

@@ -88,7 +88,10 @@ impl<S: Settings> SettingsFile<S> {
 
     /// The text at a place of the file.
     pub fn text(&self, span: Span) -> &str {
-        self.sources.get(span.source).and_then(|source| source.text.get(span.start..span.end)).unwrap_or_default()
+        self.sources
+            .get(span.source)
+            .and_then(|source| source.text.get(span.start..span.end))
+            .unwrap_or_default()
     }
 }
 

@@ -19,6 +19,8 @@ pub const WIDE_TYPES: &[(&str, &str)] = &[
     ("src/cli/compare.rs: Measures", "keys of a result"),
     ("src/cli/learn.rs: Arguments", "flags"),
     ("src/cli/run.rs: Arguments", "flags"),
+    ("study/src/data.rs: Row", "columns of a table"),
+    ("study/src/document.rs: Study", "keys of a file"),
     ("surfaces/src/files/hatt/models.rs: ModelSet", "elements of a file"),
 ];
 

@@ -15,7 +15,8 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 11] = [
     ("signal", 5_810, 4_800),
-    ("engine", 19_470, 15_500),
+    // 85 for files of settings that are no graphs, and maps from names as settings.
+    ("engine", 19_560, 15_500),
     // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks.
     ("surfaces", 7_550, 6_000),
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
@@ -26,9 +27,10 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("live", 6_510, 6_000),
     ("report", 7_745, 6_000),
     // Studies with people, new in this house.
-    ("study", 4_000, 4_000),
+    ("study", 3_600, 3_600),
     ("studio", 5_250, 3_300),
-    ("src", 9_245, 6_300),
+    // 380 for `study`.
+    ("src", 9_625, 6_300),
     ("bindings", 3_450, 3_100),
 ];
 
@@ -36,13 +38,13 @@ const BUDGETS: [(&str, usize, usize); 11] = [
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 11] = [
     ("signal", 365),
-    ("engine", 726),
+    ("engine", 735),
     ("surfaces", 387),
     ("learning", 379),
     ("nodes", 411),
     ("live", 228),
     ("report", 147),
-    ("study", 90),
+    ("study", 156),
     ("studio", 50),
     ("src", 20),
     ("bindings", 45),

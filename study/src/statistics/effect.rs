@@ -1,7 +1,7 @@
 //! Sizes of differences within people, and tests that a difference is too small to matter.
 
-use super::anova::squares_about;
 use super::distributions::{falling_root, noncentral_t_cdf, t_quantile, t_survival};
+use super::variance::squares_about;
 use super::{Estimate, StatisticsError, all_finite, at_least, is_probability, same_length};
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;

@@ -22,7 +22,9 @@ pub mod repeated;
 pub mod space;
 pub mod studentized_range;
 pub mod tukey;
+mod variance;
 
+use nalgebra::DMatrix;
 use serde::Serialize;
 use thiserror::Error;
 
@@ -111,4 +113,19 @@ fn is_probability(what: &'static str, value: f64) -> Result<(), StatisticsError>
         return Ok(());
     }
     Err(StatisticsError::OutOfRange { what, value, expected: "a number between 0 and 1" })
+}
+
+/// The rows without a missing cell, and how many have one.
+fn complete<R: AsRef<[f64]>>(rows: &[R], cells: usize) -> Result<(DMatrix<f64>, usize), StatisticsError> {
+    let mut kept = Vec::new();
+    for row in rows.iter().map(AsRef::as_ref) {
+        same_length("rows and conditions", cells, row.len())?;
+        if !row.iter().any(|x| x.is_nan()) {
+            all_finite("ratings", row)?;
+            kept.extend_from_slice(row);
+        }
+    }
+    let people = kept.len() / cells.max(1);
+    at_least("people without a missing cell", people, 2)?;
+    Ok((DMatrix::from_row_slice(people, cells, &kept), rows.len() - people))
 }

@@ -1,8 +1,7 @@
 //! Tests on ranks, which assume no scale of the answers: Friedman, Wilcoxon, and Holm's correction.
 
 use super::distributions::{chi_squared_survival, normal_cdf};
-use super::repeated::complete;
-use super::{StatisticsError, all_finite, at_least};
+use super::{StatisticsError, all_finite, at_least, complete};
 use serde::Serialize;
 
 /// Number of differences below which Wilcoxon's test is exact, if none are equal or zero: as in R.

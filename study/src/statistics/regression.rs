@@ -1,8 +1,8 @@
 //! Linear regression by least squares, and correlation.
 
-use super::anova::squares_about;
 use super::distributions::{f_survival, normal_quantile, t_quantile, t_two_sided};
 use super::ranks::ranks;
+use super::variance::squares_about;
 use super::{Estimate, StatisticsError, all_finite, at_least, is_probability, same_length};
 use haptograph_signal::statistics::mean;
 use nalgebra::{DMatrix, DVector};

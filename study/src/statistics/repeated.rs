@@ -1,9 +1,9 @@
 //! Analysis of variance within people: every person answers in every condition.
 
-use super::anova::{Residual, Term};
 use super::distributions::{chi_squared_survival, f_survival};
 use super::tukey::{Comparison, tukey};
-use super::{StatisticsError, all_finite, at_least, same_length};
+use super::variance::{Residual, Term};
+use super::{StatisticsError, at_least, complete};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -90,24 +90,6 @@ pub fn two_way<R: AsRef<[f64]>>(
         b: within(&table, &average(levels_a).kronecker(&b))?,
         interaction: within(&table, &a.kronecker(&b))?,
     })
-}
-
-/// The rows without a missing cell, and how many have one.
-pub(super) fn complete<R: AsRef<[f64]>>(
-    rows: &[R],
-    cells: usize,
-) -> Result<(DMatrix<f64>, usize), StatisticsError> {
-    let mut kept = Vec::new();
-    for row in rows.iter().map(AsRef::as_ref) {
-        same_length("rows and conditions", cells, row.len())?;
-        if !row.iter().any(|x| x.is_nan()) {
-            all_finite("ratings", row)?;
-            kept.extend_from_slice(row);
-        }
-    }
-    let people = kept.len() / cells.max(1);
-    at_least("people without a missing cell", people, 2)?;
-    Ok((DMatrix::from_row_slice(people, cells, &kept), rows.len() - people))
 }
 
 /// Orthonormal contrasts (Helmert): one column for each level but the first.

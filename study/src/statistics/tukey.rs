@@ -1,7 +1,7 @@
 //! Comparisons of all pairs of means on one error (Tukey 1953, Kramer 1956).
 
-use super::anova::Residual;
 use super::studentized_range::{quantile, survival};
+use super::variance::Residual;
 use super::{StatisticsError, all_finite, at_least, is_probability, same_length};
 use serde::Serialize;
 

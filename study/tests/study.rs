@@ -1,0 +1,372 @@
+//! A study from its file to its data: orders, conditions, and what an interruption leaves.
+
+use haptograph_nodes::registry;
+use haptograph_study::analyse::Analysis;
+use haptograph_study::check::{Checked, StudyError};
+use haptograph_study::data::{DataError, Folder, Row, Status};
+use haptograph_study::people::{Motion, People};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn shipped(name: &str) -> Checked {
+    let path = Path::new("../graphs/studies").join(name);
+    Checked::load(&path, None).expect("a valid study")
+}
+
+/// A study of the text, beside the shipped graphs.
+fn written(folder: &Path, text: &str) -> Result<Checked, StudyError> {
+    let graphs = fs::canonicalize("../graphs").expect("a folder");
+    let path = folder.join("study.ron");
+    fs::write(&path, text.replace("GRAPHS", &graphs.display().to_string())).expect("written");
+    Checked::load(&path, None)
+}
+
+const GATED: &str = r#"Study(
+    format: 1, graph: "GRAPHS/omni.ron", seed: 5,
+    surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron") },
+    scales: { "s": (ask: "?", from: "a", to: "b") },
+    phases: { "rating": Rate(opens_when: { "gate": (PORT) }) },
+)"#;
+
+fn codes(error: StudyError) -> Vec<&'static str> {
+    match error {
+        StudyError::Study(wrong) => wrong.list.iter().map(|one| one.code).collect(),
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn every_shipped_study_runs_on_its_graph() {
+    let mut count = 0;
+    for entry in fs::read_dir("../graphs/studies").expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let study = Checked::load(&path, None).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        study.check_graph(&registry()).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        count += 1;
+    }
+    assert_eq!(count, 4);
+}
+
+#[test]
+fn the_thesis_s_studies_have_its_numbers_of_trials() {
+    let count = |study: &Checked, group, phase: &str| {
+        let trials = study.study.trials("7", group);
+        trials.iter().filter(|trial| study.study.phases.0[trial.phase].0.text == phase).count()
+    };
+    let textures = shipped("real-and-virtual.ron");
+    assert_eq!(count(&textures, 0, "pairs"), 45);
+    assert_eq!(count(&textures, 1, "free exploration"), 10);
+    assert_eq!(count(&textures, 1, "adjectives"), 44);
+    assert_eq!(count(&textures, 1, "pairs"), 0);
+    // Six surfaces stand for fifteen.
+    assert_eq!(count(&shipped("responsiveness.ron"), 0, "similarity"), 6 * 4);
+    assert_eq!(count(&shipped("components.ron"), 0, "similarity"), 6 * 4);
+    assert_eq!(count(&shipped("components.ron"), 1, "similarity"), 0);
+}
+
+/// Pearson's chi squared over its degrees of freedom.
+fn unevenness(counts: &BTreeMap<impl Ord, usize>) -> f64 {
+    let expected = counts.values().sum::<usize>() as f64 / counts.len() as f64;
+    let squares: f64 = counts.values().map(|count| (*count as f64 - expected).powi(2) / expected).sum();
+    squares / (counts.len() - 1) as f64
+}
+
+#[test]
+fn orders_are_even_over_people_and_nested_as_written() {
+    let (study, pairs) = (shipped("responsiveness.ron"), shipped("real-and-virtual.ron"));
+    let (mut surfaces, mut versions, mut sides) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+    for person in 0..2_000 {
+        let code = format!("P{person}");
+        let trials = study.study.trials(&code, 0);
+        let own: Vec<_> = trials.iter().filter_map(|trial| trial.second).collect();
+        for (place, four) in own.chunks(4).enumerate() {
+            let of: BTreeSet<usize> = four.iter().map(|stimulus| stimulus.surface).collect();
+            assert_eq!(of.len(), 1, "all versions of a surface before the next");
+            *surfaces.entry((place, four[0].surface)).or_insert(0) += 1;
+            *versions.entry(four[0].version).or_insert(0) += 1;
+        }
+        let trials = pairs.study.trials(&code, 0);
+        let swapped = trials.iter().filter(|trial| trial.second.is_some() && trial.is_swapped).count();
+        assert!((22..=23).contains(&swapped), "{swapped} of 45");
+        let first = trials.iter().find(|trial| trial.second.is_some()).expect("pairs");
+        *sides.entry(first.is_swapped).or_insert(0) += 1;
+    }
+    assert_eq!((surfaces.len(), versions.len(), sides.len()), (36, 4, 2));
+    for uneven in [unevenness(&surfaces), unevenness(&versions), unevenness(&sides)] {
+        assert!(uneven < 4.0, "{uneven}");
+    }
+}
+
+#[test]
+fn an_order_depends_on_the_seed_and_the_code_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = |seed: u64| {
+        format!(
+            r#"Study(format: 1, graph: "GRAPHS/omni.ron", seed: {seed},
+            surfaces: {{ "a": (file: "x.ron"), "b": (file: "x.ron"), "c": (file: "x.ron"), "d": (file: "x.ron") }},
+            scales: {{ "s": (ask: "?", from: "a", to: "b") }},
+            phases: {{ "r": Rate(repeats: 3, training: 2, order: [Shuffle(Surface)]) }})"#
+        )
+    };
+    let one = written(folder.path(), &text(1)).expect("valid");
+    let two = written(folder.path(), &text(2)).expect("valid");
+    assert_eq!(one.study.trials("P1", 0), one.study.trials("P1", 0));
+    assert_ne!(one.study.trials("P1", 0), one.study.trials("P2", 0));
+    assert_ne!(one.study.trials("P1", 0), two.study.trials("P1", 0));
+    let trials = one.study.trials("P1", 0);
+    assert_eq!((trials.len(), trials.iter().filter(|trial| trial.is_training).count()), (14, 2));
+}
+
+#[test]
+fn wrong_studies_are_refused_at_their_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let with = |from: &str, to: &str| written(folder.path(), &GATED.replace(from, to));
+    let right = r#"port: "way so far", at_least_cm: 50"#;
+    let study = with("PORT", right).expect("valid");
+    study.check_graph(&registry()).expect("valid on its graph");
+    assert_eq!(codes(with("PORT", r#"port: "way so far", at_least_parsec: 1"#).unwrap_err()), ["E0204"]);
+    let of_graph =
+        |port: &str| codes(with("PORT", port).expect("names").check_graph(&registry()).unwrap_err());
+    assert_eq!(of_graph(r#"port: "way so fra", at_least_cm: 50"#), ["E0203"]);
+    assert_eq!(of_graph(r#"port: "way so far", at_least_s: 5"#), ["E0404"]);
+    let text = GATED.replace("PORT", right);
+    let wrong = |from: &str, to: &str| codes(written(folder.path(), &text.replace(from, to)).unwrap_err());
+    assert_eq!(wrong("Rate(", r#"Rate(scales: ["t"], surfaces: ["tiles"], groups: ["g"], "#), ["E0303"; 3]);
+    assert_eq!(wrong("Rate(", "Rate(stimuli: [Real], "), ["E0304"]);
+    assert_eq!(wrong("Rate(", "Rate(order: [Shuffle(Surface), Fixed(Surface)], "), ["E0304"]);
+    assert_eq!(wrong("Rate(", "Rte("), ["E0303"]);
+    assert_eq!(wrong("seed: 5", "sead: 5, grahp: 1"), ["E0204", "E0204"]);
+}
+
+#[test]
+fn more_than_the_thesis_s_actuators_gave_needs_the_experimenter_s_word() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = fs::read_to_string("../graphs/texturepad.ron").expect("a graph");
+    let graphs = fs::canonicalize("../graphs").expect("a folder").display().to_string();
+    let graph =
+        graph.replace("peak_a: 0.5", "peak_a: 0.6").replace("surfaces/", &format!("{graphs}/surfaces/"));
+    fs::write(folder.path().join("strong.ron"), graph).expect("written");
+    let text = r#"Study(format: 1, graph: "strong.ron", WORD surfaces: { "t": (file: "GRAPHS/surfaces/t3-tile.ron") },
+        scales: { "s": (ask: "?", from: "a", to: "b") }, phases: { "r": Rate() })"#;
+    let check = |word: &str| {
+        written(folder.path(), &text.replace("WORD", word)).expect("valid").check_graph(&registry())
+    };
+    assert!(matches!(check(""), Err(StudyError::TooStrong { peak, usual: 0.5, .. }) if peak == 0.6));
+    check(r#"stronger_because: "the actuator is glued to a heavy tool","#).expect("said why");
+}
+
+/// The state of the only trial of a study with this condition, whose simulated hand has so long.
+fn status(condition: &str, longest_s: f64) -> (Status, f64) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = written(folder.path(), &GATED.replace("PORT", condition)).expect("valid");
+    let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
+    let mut claim = data.claim("S1", "all", true).expect("free");
+    let motion = Motion::Simulated { longest_s };
+    let people = People::indifferent();
+    study.simulate(&registry(), (&mut claim, 0), &people, motion, usize::MAX).expect("it runs");
+    let row = claim.rows()[0].clone();
+    let measure = data.measures().expect("measures").remove(0);
+    (row.status, measure.value)
+}
+
+#[test]
+fn an_answer_opens_when_its_condition_is_reached_and_not_before() {
+    let (reached, way_m) = status(r#"port: "way so far", at_least_cm: 50"#, 60.0);
+    assert_eq!(reached, Status::Answered);
+    assert!((0.5..0.51).contains(&way_m), "{way_m}");
+    // Just before that the hand has dragged 49.9 cm.
+    let (missed, way_m) = status(r#"port: "way so far", at_least_cm: 1000"#, 4.0);
+    assert_eq!(missed, Status::Forced);
+    assert!(way_m < 10.0);
+    let (reached, taps) = status(r#"port: "taps so far", at_least: 4"#, 60.0);
+    assert_eq!((reached, taps), (Status::Answered, 4.0));
+}
+
+fn row(trial: u32, rating: f64) -> Row {
+    Row {
+        trial,
+        phase: "rating".to_owned(),
+        rating: Some(rating),
+        text: "a,\n\"b\"".to_owned(),
+        ..Row::default()
+    }
+}
+
+#[test]
+fn an_interruption_at_any_byte_loses_no_answer_and_doubles_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let mut claim = data.claim("S1", "all", true).expect("free");
+    for trial in 1..=3 {
+        claim.keep(row(trial, 0.25), &[("way".to_owned(), 1.5, "m".to_owned())]).expect("kept");
+    }
+    drop(claim);
+    let (trials, measures) = (folder.path().join("trials.csv"), folder.path().join("measures.csv"));
+    let whole = (fs::read(&trials).expect("trials"), fs::read(&measures).expect("measures"));
+    let last = whole.0[..whole.0.len() - 1].iter().rposition(|byte| *byte == b'\n').expect("lines") + 1;
+    for cut in last..whole.0.len() {
+        fs::write(&trials, &whole.0[..cut]).expect("cut");
+        assert_eq!(data.rows().expect("rows").len(), 2, "cut at {cut}");
+        assert_eq!(data.measures().expect("measures").len(), 2, "no numbers without a trial");
+        let mut claim = data.claim("S1", "all", true).expect("free");
+        claim.keep(row(3, 0.5), &[]).expect("kept");
+        let rows = claim.rows();
+        let numbers: Vec<(u32, u32)> = rows.iter().map(|row| (row.trial, row.attempt)).collect();
+        assert_eq!(numbers, [(1, 1), (2, 1), (3, 1)]);
+        assert_eq!(rows[2].rating, Some(0.5));
+        assert_eq!(rows[2].text, "a, \"b\"", "a trial is a line");
+    }
+}
+
+#[test]
+fn killed_between_any_two_trials_a_study_goes_on_as_if_nothing_had_happened() {
+    let study = shipped("real-and-virtual.ron");
+    let run = |most: usize| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = Folder::open(folder.path(), &study, true).expect("a folder");
+        loop {
+            // Each time as a new program would.
+            let mut claim = data.claim("S1", "E", true).expect("free");
+            let people = People::indifferent();
+            let done = study.simulate(&registry(), (&mut claim, 1), &people, Motion::None, most);
+            if done.expect("it runs") == 0 {
+                break;
+            }
+        }
+        let rows = data.rows().expect("rows").into_iter();
+        rows.map(|row| (row.trial, row.attempt, row.scale, row.rating, row.choice)).collect::<Vec<_>>()
+    };
+    let whole = run(usize::MAX);
+    assert_eq!(whole.len(), 54);
+    for most in [1, 7, 53] {
+        assert_eq!(run(most), whole);
+    }
+}
+
+#[test]
+fn two_programs_cannot_run_one_participant() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let mut claim = data.claim("S1", "all", true).expect("free");
+    assert_eq!(data.claim("S1", "all", true).err(), Some(DataError::Busy { code: "S1".to_owned() }));
+    data.claim("S2", "all", true).expect("another one");
+    // A computer that shares the folder without locks.
+    let header = "participant,group,trial,attempt,status,phase,training,scale,first_surface,first_version,second_surface,\
+                  second_version,second_is_left_or_earlier,level,rating,choice,is_right,text,exploration_s,response_s,\
+                  simulated,session,time_utc,surface_sha256\n";
+    let line = "S1,all,1,1,answered,rating,false,,,,,,false,,0.5,,,,0,0,true,other,now,\n";
+    fs::write(folder.path().join("trials.csv"), format!("{header}{line}")).expect("written");
+    assert_eq!(claim.keep(row(1, 0.1), &[]), Err(DataError::OtherSession { code: "S1".to_owned() }));
+    assert_eq!(data.rows().expect("rows").len(), 1);
+}
+
+#[test]
+fn a_participant_who_withdraws_leaves_one_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    for code in ["S1", "S2"] {
+        let mut claim = data.claim(code, "all", true).expect("free");
+        claim.keep(row(1, 0.25), &[("way".to_owned(), 1.5, "m".to_owned())]).expect("kept");
+        let signals = folder.path().join("signals").join(code).join("1");
+        fs::create_dir_all(&signals).expect("made");
+    }
+    data.remove("S1").expect("removed");
+    assert_eq!(data.rows().expect("rows").len(), 1);
+    assert!(!folder.path().join("signals/S1").exists() && folder.path().join("signals/S2").exists());
+    let tables = ["trials.csv", "measures.csv"].map(|name| fs::read_to_string(folder.path().join(name)));
+    assert!(tables.into_iter().all(|text| !text.expect("a table").contains("S1")));
+    let left = data.participants().expect("participants").remove(0);
+    assert!(!left.withdrawn_utc.is_empty() && left.consent_utc.is_empty());
+    assert!(matches!(data.claim("S1", "all", true), Err(DataError::Withdrawn { .. })));
+    assert!(matches!(data.remove("S9"), Err(DataError::Unknown { .. })));
+    for code in ["", "../x", "a b", &"x".repeat(33)] {
+        assert!(matches!(data.claim(code, "all", true), Err(DataError::Code { .. })), "{code}");
+    }
+}
+
+#[test]
+fn a_folder_keeps_to_its_study() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    Folder::open(folder.path(), &study, true).expect("new");
+    Folder::open(folder.path(), &study, true).expect("again");
+    assert!(matches!(Folder::open(folder.path(), &study, false), Err(DataError::Mixed { .. })));
+    let other = shipped("components.ron");
+    assert!(matches!(Folder::open(folder.path(), &other, true), Err(DataError::OtherStudy { .. })));
+}
+
+fn people(folder: &Path, text: &str) -> People {
+    let path: PathBuf = folder.join("people.ron");
+    fs::write(&path, text).expect("written");
+    People::load(&path).expect("people")
+}
+
+#[test]
+fn the_analysis_finds_what_simulated_people_prefer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("responsiveness.ron");
+    let people = people(
+        folder.path(),
+        r#"People(format: 1, noise_sd: 0.05, values: { "similarity": { "silk, phi": -0.3, "silk": 0.1 } })"#,
+    );
+    people.check(&study).expect("known names");
+    let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
+    for code in Folder::codes(15) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, Motion::None, usize::MAX).expect("it runs");
+    }
+    let analysis = Analysis::of(&data.study().expect("a copy"), &data).expect("analysed");
+    assert!(analysis.simulated && analysis.left_out.is_empty(), "{:?}", analysis.left_out);
+    let silk =
+        analysis.means.iter().find(|row| row.surface == "silk" && row.version == "phi").expect("a mean");
+    assert!((silk.mean - 0.3).abs() < 0.1, "{}", silk.mean);
+    assert_eq!(silk.people, 15);
+    let p = |surface: &str, test: &str| {
+        let row = analysis.variance.iter().find(|row| row.of == surface && row.test == test).expect("a row");
+        assert_eq!(row.df, 3.0);
+        row.p
+    };
+    for test in ["as in the thesis", "repeated measures", "ranks"] {
+        assert!(p("silk", test) < 1e-4, "{test}");
+    }
+    let compared =
+        analysis.comparisons.iter().filter(|row| row.test == "repeated measures" && row.surface == "silk");
+    let compared: Vec<(&str, &str, f64)> = compared.map(|row| (&*row.from, &*row.to, row.p)).collect();
+    assert_eq!(compared.len(), 6);
+    for (from, to, p) in compared {
+        assert_eq!(p < 1e-3, to == "phi" || from == "phi", "{from} {to} {p}");
+    }
+    assert!(analysis.tables().expect("tables").iter().any(|(name, _)| *name == "comparisons.csv"));
+}
+
+#[test]
+fn a_staircase_of_simulated_people_gives_their_threshold_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 3,
+        surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron") },
+        phases: {
+            "fixed": ConstantStimuli(ask: "Which is stronger?", surface: "tile", parameter: "gain", standard: 0.4,
+                levels: [0.42, 0.45, 0.5, 0.6, 0.8], repeats: 40),
+            "stairs": Staircase(ask: "Which is stronger?", surface: "tile", parameter: "gain", standard: 0.4, start: 0.8,
+                limits: (0.4, 1.0), steps: [0.1, 0.05, 0.02], reversals: 40, at_most: 200),
+        })"#;
+    let study = written(folder.path(), text).expect("valid");
+    study.check_graph(&registry()).expect("on its graph");
+    let people = people(folder.path(), "People(format: 1, threshold: 0.1)");
+    let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
+    for code in Folder::codes(4) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, Motion::None, usize::MAX).expect("it runs");
+    }
+    let analysis = Analysis::of(&study.study, &data).expect("analysed");
+    let all: Vec<_> = analysis.thresholds.iter().filter(|row| row.participant == "all").collect();
+    assert_eq!(all.len(), 2, "{:?}", analysis.left_out);
+    // Half of the differences of 0.1 are known: 75 % right, the middle of the function.
+    for row in all {
+        assert!((row.threshold - 0.1).abs() < 0.025, "{}: {}", row.phase, row.threshold);
+    }
+}
