@@ -42,6 +42,7 @@ mod surface;
 mod sweep;
 mod table;
 mod terminal;
+mod thesis;
 
 use crate::engine::diagnostic::{Diagnostics, render};
 use crate::engine::document::{Document, LoadOptions};
@@ -159,6 +160,7 @@ fn commands() -> Vec<Command> {
             .example("study check graphs/studies/first.ron")
             .example("study plan graphs/studies/first.ron --participant P07")
             .example("study simulate graphs/studies/first.ron --people 12"),
+        Command::new("thesis", thesis::run).example("thesis table 4.3").example("thesis study 4.5"),
         Command::new("recover", recover::run).example("recover out/texturepad.partial-1"),
         Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),
         Command::new("batch", batch::run)

@@ -8,3 +8,4 @@ pub mod order;
 pub mod people;
 pub mod progress;
 pub mod statistics;
+pub mod thesis;

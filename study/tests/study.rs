@@ -49,6 +49,14 @@ fn every_shipped_study_runs_on_its_graph() {
 }
 
 #[test]
+fn the_page_shows_the_first_study_as_it_is() {
+    let page = fs::read_to_string("../docs/studies.md").expect("a page");
+    let file = fs::read_to_string("../graphs/studies/first.ron").expect("a study");
+    let study = &file[file.find("Study(").expect("a study")..];
+    assert!(page.contains(study));
+}
+
+#[test]
 fn the_thesis_s_studies_have_its_numbers_of_trials() {
     let count = |study: &Checked, group, phase: &str| {
         let trials = study.study.trials("7", group);
