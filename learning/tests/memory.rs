@@ -25,8 +25,8 @@ fn peak(work: impl FnOnce()) -> f64 {
     MEMORY.peak_usage().saturating_sub(before) as f64
 }
 
-/// So many seconds of circles over noise, at 10 kHz.
-fn drag(seconds: usize) -> AnyRecording {
+/// So many seconds of circles over noise, at 10 kHz; or of strokes of 0.7 s from rest, which begin louder.
+fn drag(seconds: usize, from_rest: bool) -> AnyRecording {
     let samples = 10_000 * seconds;
     let mut state = 1_u32;
     let mut noise = || {
@@ -34,12 +34,20 @@ fn drag(seconds: usize) -> AnyRecording {
         f64::from(state >> 8) / f64::from(1 << 24) - 0.5
     };
     let pose = |k: usize| {
-        let turn = TAU * k as f64 / 240.0;
+        let turn = match from_rest {
+            true => TAU * (0.7 * (k / 240) as f64 + ((k % 240) as f64 / 240.0 - 0.3).max(0.0)),
+            false => TAU * k as f64 / 240.0,
+        };
         Pose { position_m: [0.02 * turn.cos(), 0.02 * turn.sin(), 0.0], orientation: [1.0, 0.0, 0.0, 0.0] }
     };
     let poses = (0..240 * seconds).map(pose).collect();
     let load = Wrench { force_n: [0.1, 0.0, 1.0], torque_n_m: [0.0; 3] };
-    let volts = (0..samples).map(|_| [noise(), noise(), noise()]).collect();
+    let level = |k: usize| match k % 10_000 {
+        0..2900 if from_rest => 0.01,
+        2900..3800 if from_rest => 10.0,
+        _ => 1.0,
+    };
+    let volts = (0..samples).map(|k| [noise(), noise(), noise()].map(|x| level(k) * x)).collect();
     let recording = Recording::new(
         Series::new(240.0, poses),
         Series::new(10_000.0, vec![load; samples]),
@@ -51,25 +59,38 @@ fn drag(seconds: usize) -> AnyRecording {
     AnyRecording::Raw(recording.unwrap())
 }
 
-#[test]
-fn a_long_archive_is_learned_in_forty_bytes_a_sample() {
-    let _alone = ALONE.lock();
+/// Bytes for each sample by which learning an archive of the second length takes more than of the first, s.
+fn slope(seconds: [usize; 2], from_rest: bool) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     // Without transforms of the whole, which short recordings have.
     let processing =
         ProcessingSettings { reduction: AxisReduction::SingleAxis(0), ..ProcessingSettings::default() };
     let settings = LearnSettings { processing, ..LearnSettings::default() };
-    let of = |seconds: usize| {
+    let [short, long] = seconds.map(|seconds| {
         let path = folder.path().join("drag.npz");
-        save(&drag(seconds), &path).unwrap();
+        save(&drag(seconds, from_rest), &path).unwrap();
         peak(|| {
-            let learned = learn("long", &[load(&path).unwrap()], &settings, &|_| ());
-            assert!(learned.unwrap().0.texture.is_some());
+            let (surface, report) = learn("long", &[load(&path).unwrap()], &settings, &|_| ()).unwrap();
+            assert!(surface.texture.is_some());
+            assert_eq!(report.onset.unwrap().is_ok(), from_rest);
         })
-    };
-    let (short, long) = (of(50), of(100));
-    let bytes = (long - short) / 500_000.0;
+    });
+    (long - short) / (10_000 * (seconds[1] - seconds[0])) as f64
+}
+
+#[test]
+fn a_long_archive_is_learned_in_forty_bytes_a_sample() {
+    let _alone = ALONE.lock();
+    let bytes = slope([50, 100], false);
     assert!(bytes < 40.0, "{bytes} bytes a sample");
+}
+
+#[test]
+fn a_long_archive_with_strokes_from_rest_is_learned_in_sixty_bytes_a_sample() {
+    let _alone = ALONE.lock();
+    // Beyond the beginning of which the onset is learned.
+    let bytes = slope([110, 150], true);
+    assert!(bytes < 60.0, "{bytes} bytes a sample");
 }
 
 #[test]

@@ -121,19 +121,16 @@ pub(crate) fn learn_with_onset(
     Ok(WithOnset { texture, report, slides, onset })
 }
 
-/// The stroke of the middle power.
+/// The stroke of the middle power, of those of which the onset is learned.
 fn shown(drags: &[ProcessedRecording], texture: &TextureModel) -> Option<OnsetShown> {
-    let of = |drag: &ProcessedRecording| -> Vec<(f64, usize)> {
-        let signals = drag.signals();
-        let strokes = strokes(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz);
+    let found = enough_strokes(drags).ok()?;
+    let begun: Vec<_> = drags.iter().zip(found).map(|(drag, strokes)| beginning(drag, strokes)).collect();
+    let mut all: Vec<(f64, usize, &ProcessedRecording)> = vec![];
+    for (drag, strokes) in &begun {
         let starts = || strokes.iter().map(|stroke| stroke.start);
-        let powers = powers(&signals.acceleration_m_s2, starts(), signals.rate_hz);
-        powers.iter().map(|powers| powers.whole.iter().sum()).zip(starts()).collect()
-    };
-    let mut all: Vec<(f64, usize, &ProcessedRecording)> = drags
-        .iter()
-        .flat_map(|drag| of(drag).into_iter().map(move |(power, start)| (power, start, drag)))
-        .collect();
+        let powers = powers(&drag.signals().acceleration_m_s2, starts(), drag.rate_hz());
+        all.extend(powers.iter().zip(starts()).map(|(of, start)| (of.whole.iter().sum(), start, drag)));
+    }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let &(_, start, drag) = all.get(all.len() / 2)?;
     let rate_hz = drag.rate_hz();
@@ -147,10 +144,11 @@ fn shown(drags: &[ProcessedRecording], texture: &TextureModel) -> Option<OnsetSh
 /// The static peak of drags over a coefficient of friction: the middle of the strokes' largest ratios of tangential and normal force
 /// around the release, and the Stribeck speed with which these fall most nearly as recorded. `None` with few strokes, without
 /// tangential force, or where there is hardly a peak.
-pub(super) fn static_peak(drags: &[ProcessedRecording], mu: f64) -> Option<StaticPeak> {
+pub(super) fn static_peak(drags: impl Iterator<Item = ProcessedRecording>, mu: f64) -> Option<StaticPeak> {
     // Speed, and friction over that of sliding, around each release.
     let mut around: Vec<Vec<(f64, f64)>> = vec![];
-    for signals in drags.iter().map(ProcessedRecording::signals) {
+    for drag in drags {
+        let signals = drag.signals();
         let tangential = signals.force_tangential_n.as_ref()?;
         for Stroke { start, .. } in strokes(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz) {
             let [before, after] = PEAK_S.map(|seconds| (seconds * signals.rate_hz) as usize);
@@ -176,7 +174,10 @@ fn without_onsets(recording: &ProcessedRecording) -> Option<ProcessedRecording> 
     let signals = recording.signals();
     let settled = settled(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz);
     let left = |all: &[f64]| -> Vec<f64> {
-        all.iter().zip(&settled).filter(|(_, settled)| **settled).map(|(x, _)| *x).collect()
+        let (mut left, mut settled) = (all.to_vec(), settled.iter());
+        left.retain(|_| settled.next() == Some(&true));
+        left.shrink_to_fit();
+        left
     };
     let left = Signals {
         rate_hz: signals.rate_hz,
@@ -196,14 +197,8 @@ fn without_onsets(recording: &ProcessedRecording) -> Option<ProcessedRecording> 
 fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Result<Onset, NoOnset> {
     let mut observed = vec![];
     for (recording, strokes) in recordings.iter().zip(enough_strokes(recordings)?) {
-        match beginning(recording) {
-            None => observed.extend(observe(recording, strokes, texture)),
-            Some(first) => {
-                let whole = |stroke: &Stroke| stroke.start + (first.rate_hz() as usize) < first.samples();
-                let strokes = strokes.into_iter().filter(whole).collect();
-                observed.extend(observe(&first, strokes, texture));
-            }
-        }
+        let (first, strokes) = beginning(recording, strokes);
+        observed.extend(observe(&first, strokes, texture));
     }
     let strokes = observed.len();
     let excess = |of: fn(&OnsetPowers) -> [f64; 3]| -> [f64; 3] {
@@ -255,18 +250,25 @@ fn find_onset(recordings: &[ProcessedRecording], texture: &TextureModel) -> Resu
     onset.checked().map_err(|_| NoOnset::Range { strokes })
 }
 
-/// As much of a long recording as its onset is learned from: rendering all of it would take several times its memory.
-fn beginning(recording: &ProcessedRecording) -> Option<ProcessedRecording> {
+/// As much of a long recording as its onset is learned from, with its strokes: rendering all of it would take several times its memory.
+fn beginning(recording: &ProcessedRecording, strokes: Vec<Stroke>) -> (ProcessedRecording, Vec<Stroke>) {
     let (signals, most) = (recording.signals(), MOST_SAMPLES);
     let first = |all: &[f64]| all[..most].to_vec();
-    let cut = (recording.samples() > most).then(|| Signals {
+    if recording.samples() <= most {
+        return (recording.clone(), strokes);
+    }
+    let cut = Signals {
         rate_hz: signals.rate_hz,
         acceleration_m_s2: first(&signals.acceleration_m_s2),
         force_normal_n: first(&signals.force_normal_n),
         speed_m_s: first(&signals.speed_m_s),
         ..Signals::default()
-    });
-    ProcessedRecording::new(cut?, recording.gesture(), recording.provenance().clone()).ok()
+    };
+    let whole = |stroke: &Stroke| stroke.start + (signals.rate_hz as usize) < most;
+    match ProcessedRecording::new(cut, recording.gesture(), recording.provenance().clone()) {
+        Ok(first) => (first, strokes.into_iter().filter(whole).collect()),
+        Err(_) => (recording.clone(), strokes),
+    }
 }
 
 /// The strokes from rest of each recording.

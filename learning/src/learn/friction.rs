@@ -97,7 +97,7 @@ pub(crate) fn sliding(
     let moments: Vec<Sliding> = match recording {
         AnyRecording::Raw(raw) => {
             let moments = shared_moments(raw);
-            let contact = contact_signals(raw, processing, moments.iter().copied(), Kept::All)?;
+            let contact = contact_signals(raw, processing, moments.iter().copied(), Kept::Forces)?;
             let tangential = contact.force_tangential_n.ok_or(FrictionError::NoTangentialForce)?;
             (0..contact.speed_m_s.len())
                 .map(|i| moment(contact.force_normal_n[i], tangential[i], contact.speed_m_s[i]))

@@ -8,9 +8,7 @@ use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
-use crate::processing::{
-    Kept, ProcessingError, ProcessingSettings, SurfaceNormal, processed, processed_keeping,
-};
+use crate::processing::{Kept, ProcessingError, ProcessingSettings, SurfaceNormal, processed_keeping};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use haptograph_surfaces::bounds::{FELT_HZ, FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
 use haptograph_surfaces::provenance::{CLIPS_ORIGIN, HIGHEST_HZ, TOUCH};
@@ -159,8 +157,7 @@ impl LearnError {
             Self::Taps(TapError::Rates { recording, .. }) => (Gesture::Tap, *recording),
             _ => return None,
         };
-        let of_gesture = |index: &usize| recordings[*index].gesture() == gesture;
-        (0..recordings.len()).filter(of_gesture).nth(number)
+        of(recordings, gesture).nth(number).map(|(index, _)| index)
     }
 }
 
@@ -202,7 +199,6 @@ pub fn learn(
         return Err(LearnError::NoRecordings);
     }
     let mut has_strokes = false;
-    let of = |gesture: Gesture| recordings.iter().enumerate().filter(move |(_, r)| r.gesture() == gesture);
     let mut surface = Surface::new(name, provenance(recordings, settings));
     let mut report = LearningReport { band: band(recordings, settings)?, ..LearningReport::default() };
     if let Some(band) = &report.band {
@@ -224,19 +220,19 @@ pub fn learn(
         surface.friction = surface.friction.map(|own| with_peak(own, recordings, settings));
     }
     progress(0.9);
-    let taps: Vec<_> = of(Gesture::Tap).map(|(_, recording)| recording).collect();
+    let taps: Vec<_> = of(recordings, Gesture::Tap).map(|(_, tap)| tap).collect();
     if !taps.is_empty() {
         let taps = learn_taps(&taps, &settings.processing, &settings.taps);
         (surface.taps, report.taps) =
             or_missing(Some(taps.map_err(LearnError::from)), "taps", missing).unzip();
     }
-    let presses: Vec<_> = of(Gesture::Press).collect();
-    if let Some(&(recording, _)) = presses.get(1) {
+    let mut presses = of(recordings, Gesture::Press);
+    let press = presses.next();
+    if let Some((recording, _)) = presses.next() {
         // Which of them counts?
         return Err(LearnError::SecondPress { recording });
     }
-    let press = presses.first();
-    let stiffness = press.map(|&(recording, press)| learned_stiffness(recording, press, settings));
+    let stiffness = press.map(|(recording, press)| learned_stiffness(recording, press, settings));
     (surface.stiffness, report.stiffness) = or_missing(stiffness, "stiffness", missing).unzip();
     for missing in &report.missing {
         let what = format!("not learned: {}", missing.part);
@@ -253,6 +249,11 @@ pub fn learn(
     }
 }
 
+/// The recordings of a gesture, with their indices.
+fn of(recordings: &[AnyRecording], gesture: Gesture) -> impl Iterator<Item = (usize, &AnyRecording)> {
+    recordings.iter().enumerate().filter(move |(_, recording)| recording.gesture() == gesture)
+}
+
 /// The processed drags.
 fn drags(
     recordings: &[AnyRecording],
@@ -260,7 +261,7 @@ fn drags(
     progress: &dyn Fn(f64),
 ) -> Result<Vec<ProcessedRecording>, LearnError> {
     let mut drags = vec![];
-    for (recording, drag) in recordings.iter().enumerate().filter(|(_, r)| r.gesture() == Gesture::Drag) {
+    for (recording, drag) in of(recordings, Gesture::Drag) {
         let drag = processed_keeping(drag, &settings.processing, Kept::Texture)
             .map_err(|source| LearnError::Processing { recording, source })?;
         if is_still(&drag) {
@@ -276,8 +277,7 @@ fn drags(
 /// The origin of drags of which a surface has clips, where it is not the surface's: a simulated press makes no copy free.
 fn copied_origin(recordings: &[AnyRecording], surface: &Surface) -> Option<(String, String)> {
     surface.texture.as_ref()?.clips()?;
-    let drags = recordings.iter().filter(|recording| recording.gesture() == Gesture::Drag);
-    let mut origins = drags.map(|drag| drag.provenance().origin);
+    let mut origins = of(recordings, Gesture::Drag).map(|(_, drag)| drag.provenance().origin);
     let copied = origins.find(|origin| matches!(origin, Origin::Measured | Origin::Imported))?;
     let setting = || (CLIPS_ORIGIN.to_owned(), copied.as_str().to_owned());
     (copied != surface.provenance.origin).then(setting)
@@ -325,9 +325,6 @@ fn or_missing<T>(
         "taps" => {
             (Gesture::Tap, "record single taps at different speeds, with the tool in the air before each")
         }
-        "onset" => {
-            (Gesture::Drag, "record 20 s of strokes, with the tool held still on the surface before each")
-        }
         _ => (Gesture::Press, "record one slow press beyond 3 N with all sensors"),
     };
     missing.push(MissingPart { part, reason, remedy, gesture });
@@ -339,10 +336,8 @@ fn learned_friction(
     recordings: &[AnyRecording],
     settings: &LearnSettings,
 ) -> Result<Option<(Friction, FrictionReport)>, LearnError> {
-    let of = |gesture: Gesture| -> Vec<&AnyRecording> {
-        recordings.iter().filter(|r| r.gesture() == gesture).collect()
-    };
-    let (circles, drags) = (of(Gesture::Circle), of(Gesture::Drag));
+    let [circles, drags] = [Gesture::Circle, Gesture::Drag]
+        .map(|gesture| of(recordings, gesture).map(|(_, recording)| recording).collect::<Vec<_>>());
     let (from, fit) = if !circles.is_empty() {
         (circles, FrictionFit::ThroughOrigin)
     } else if !drags.is_empty() && drags.iter().all(|drag| has_tangential_force(drag)) {
@@ -355,10 +350,9 @@ fn learned_friction(
 
 /// Friction with the static peak of the drags, processed anew: of raw ones the texture keeps no tangential force.
 fn with_peak(friction: Friction, recordings: &[AnyRecording], settings: &LearnSettings) -> Friction {
-    let drags = recordings.iter().filter(|recording| recording.gesture() == Gesture::Drag);
-    let drags: Vec<ProcessedRecording> =
-        drags.filter_map(|drag| processed(drag, &settings.processing).ok()).collect();
-    friction.with_peak(static_peak(&drags, friction.mu()))
+    let drags = of(recordings, Gesture::Drag);
+    let forces = |(_, drag)| processed_keeping(drag, &settings.processing, Kept::Forces).ok();
+    friction.with_peak(static_peak(drags.filter_map(forces), friction.mu()))
 }
 
 fn learned_stiffness(

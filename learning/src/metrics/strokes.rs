@@ -18,10 +18,13 @@ const ABOVE_REST_M_S: f64 = 0.015;
 /// The speeds below which the tool of a recording is at rest and above which it slides, m/s: a still tool's speed is its tracker's
 /// noise, of which a tenth of the samples of a recording with strokes from rest show the lower end.
 pub(crate) fn thresholds(speed_m_s: &[f64]) -> [f64; 2] {
-    let mut speeds = speed_m_s.to_vec();
-    speeds.sort_by(f64::total_cmp);
-    let slow_m_s = speeds.get(speeds.len() / 10).copied().unwrap_or(0.0);
-    let rest_m_s = (4.0 * slow_m_s).clamp(REST_M_S[0], REST_M_S[1]);
+    let tenth = speed_m_s.len() / 10;
+    // Those beyond the bound do not change the result.
+    let mut slow: Vec<f64> = speed_m_s.iter().copied().filter(|speed| 4.0 * speed < REST_M_S[1]).collect();
+    let rest_m_s = match slow.len() > tenth {
+        true => (4.0 * *slow.select_nth_unstable_by(tenth, f64::total_cmp).1).max(REST_M_S[0]),
+        false => REST_M_S[1],
+    };
     [rest_m_s, rest_m_s + ABOVE_REST_M_S]
 }
 
@@ -67,11 +70,12 @@ fn span(start: usize, between_s: [f64; 2], rate_hz: f64) -> Option<Range<usize>>
     Some(from?..to?)
 }
 
-/// The part of a vibration in each of [`BANDS_HZ`]; silent where the rate does not hold the band.
-fn bands(vibration: &[f64], rate_hz: f64) -> [Vec<f64>; 3] {
+/// What `of` makes of the part of a vibration in each of [`BANDS_HZ`], one at a time; silent where the rate does not hold the band.
+fn in_bands<T>(vibration: &[f64], rate_hz: f64, of: impl Fn(&[f64]) -> T) -> [T; 3] {
     BANDS_HZ.map(|[low_hz, high_hz]| {
         let filter = butterworth_bandpass(2, low_hz, high_hz, rate_hz);
-        filter.map_or_else(|_| vec![0.0; vibration.len()], |filter| filtfilt(&filter, vibration.to_vec()))
+        let silent = |_| vec![0.0; vibration.len()];
+        of(&filter.map_or_else(silent, |filter| filtfilt(&filter, vibration.to_vec())))
     })
 }
 
@@ -85,21 +89,17 @@ pub(crate) fn powers(
     starts: impl Iterator<Item = usize>,
     rate_hz: f64,
 ) -> Vec<OnsetPowers> {
-    let bands = bands(vibration, rate_hz);
-    let of = |start| {
-        let between = |from_s, to_s| {
-            let samples = span(start, [from_s, to_s], rate_hz);
-            bands
-                .each_ref()
-                .map(|band| samples.clone().and_then(|samples| band.get(samples)).map_or(0.0, power))
-        };
-        OnsetPowers {
-            before: between(ONSET_S[0] - 0.03, ONSET_S[0]),
-            whole: between(ONSET_S[0], ONSET_S[2]),
-            late: between(ONSET_S[1], ONSET_S[2]),
-        }
+    let starts: Vec<usize> = starts.collect();
+    let parts_s = [[ONSET_S[0] - 0.03, ONSET_S[0]], [ONSET_S[0], ONSET_S[2]], [ONSET_S[1], ONSET_S[2]]];
+    let bands = in_bands(vibration, rate_hz, |band| -> Vec<[f64; 3]> {
+        let between = |start, part_s| span(start, part_s, rate_hz).and_then(|samples| band.get(samples));
+        starts.iter().map(|start| parts_s.map(|part_s| between(*start, part_s).map_or(0.0, power))).collect()
+    });
+    let of = |stroke: usize| {
+        let [before, whole, late] = [0, 1, 2].map(|part| bands.each_ref().map(|band| band[stroke][part]));
+        OnsetPowers { before, whole, late }
     };
-    starts.map(of).collect()
+    (0..starts.len()).map(of).collect()
 }
 
 /// False for the samples around a release: of its onset, and until the tool slides.
@@ -128,10 +128,9 @@ pub fn onset_levels_db(
     let settled = settled(speed_m_s, force_n, rate_hz);
     let slides: Vec<bool> =
         speed_m_s.iter().zip(settled).map(|(speed, settled)| settled && *speed > slide_m_s).collect();
-    let levels = bands(vibration, rate_hz).map(|band| {
-        let slide: Vec<f64> =
-            band.into_iter().zip(&slides).filter(|(_, slides)| **slides).map(|(y, _)| y).collect();
-        power(&slide)
+    let levels = in_bands(vibration, rate_hz, |band| {
+        let slide = band.iter().zip(&slides).filter(|(_, slides)| **slides).map(|(y, _)| *y);
+        power(&slide.collect::<Vec<f64>>())
     });
     let level_db = |band: usize| {
         let onset = mean(&onsets.iter().map(|onset| onset.whole[band]).collect::<Vec<_>>());

@@ -87,10 +87,12 @@ pub enum ProcessingError {
     Recording(#[from] RecordingError),
 }
 
-/// The signals of a processed recording that are kept: all, or those of which a texture is learned.
+/// The signals of a processed recording that are kept: all, those of which a static peak is learned (its vibration is silent), or
+/// a texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Kept {
     All,
+    Forces,
     Texture,
 }
 
@@ -143,7 +145,10 @@ fn process_keeping(
         );
         acceleration
     };
-    let mut acceleration_m_s2 = combined_by(axis, rate_hz, settings)?;
+    let mut acceleration_m_s2 = match kept {
+        Kept::Forces => vec![0.0; accelerometer.count()],
+        _ => combined_by(axis, rate_hz, settings)?,
+    };
     acceleration_m_s2.truncate(common.end);
     acceleration_m_s2.drain(..common.start);
     let times = common.clone().map(|i| accelerometer.time_s(i));
@@ -257,7 +262,7 @@ pub(super) fn contact_signals(
     drop(tips);
     let samples = times.len();
     let [mut normal_n, mut speed_m_s] = [(); 2].map(|()| Vec::with_capacity(samples));
-    let mut tangential_n = (kept == Kept::All).then(|| Vec::with_capacity(samples));
+    let mut tangential_n = (kept != Kept::Texture).then(|| Vec::with_capacity(samples));
     let mut direction: Vector = [0.0; 3];
     for time in times.clone() {
         let (force, velocity) = (forces.at(time), velocity.at(time));
