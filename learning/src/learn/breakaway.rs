@@ -57,8 +57,9 @@ pub enum NoOnset {
 const SHOWN_S: [f64; 2] = [0.05, 0.25];
 /// A static peak is sought so long before and after the release, s.
 const PEAK_S: [f64; 2] = [0.02, 0.15];
-/// Stribeck speeds that are tried, m/s.
-const STRIBECK_M_S: [f64; 6] = [0.005, 0.01, 0.02, 0.03, 0.05, 0.08];
+/// The Stribeck speed of every static peak, m/s, as of the nodes: it is not learned. Sampled speeds are smoothed over the few milliseconds in
+/// which a tool passes it, and a still tool's are as large; the smoothed force falls later than the speed rises.
+const STRIBECK_M_S: f64 = 0.01;
 /// Smallest static peak, and the largest.
 const LEAST_RATIO: f64 = 1.05;
 const MOST_RATIO: f64 = 10.0;
@@ -145,30 +146,21 @@ fn shown(drags: &[ProcessedRecording], texture: &TextureModel) -> Option<OnsetSh
 }
 
 /// The static peak of drags over a coefficient of friction: the middle of the strokes' largest ratios of tangential and normal force
-/// around the release, and the Stribeck speed with which these fall most nearly as recorded. `None` with few strokes, without
-/// tangential force, or where there is hardly a peak.
+/// around the release. `None` with few strokes, without tangential force, or where there is hardly a peak.
 pub(super) fn static_peak(drags: &[ProcessedRecording], mu: f64) -> Option<StaticPeak> {
-    // Speed, and friction over that of sliding, around each release.
-    let mut around: Vec<Vec<(f64, f64)>> = vec![];
+    let mut highest = vec![];
     for signals in drags.iter().map(ProcessedRecording::signals) {
         let tangential = signals.force_tangential_n.as_ref()?;
         for Stroke { start, .. } in strokes(&signals.speed_m_s, &signals.force_normal_n, signals.rate_hz) {
             let [before, after] = PEAK_S.map(|seconds| (seconds * signals.rate_hz) as usize);
             let samples = start.saturating_sub(before)..(start + after).min(tangential.len());
-            let ratio = |i: usize| (signals.speed_m_s[i], tangential[i] / (mu * signals.force_normal_n[i]));
-            around.push(samples.map(ratio).filter(|(_, ratio)| ratio.is_finite()).collect());
+            let ratios = samples.map(|i| tangential[i] / (mu * signals.force_normal_n[i]));
+            highest.push(ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max));
         }
     }
-    let highest = |stroke: &Vec<(f64, f64)>| stroke.iter().map(|(_, ratio)| *ratio).fold(0.0, f64::max);
-    let ratio = median(&around.iter().map(highest).collect::<Vec<_>>()).min(MOST_RATIO);
-    let peaks = STRIBECK_M_S.into_iter().filter_map(|speed| StaticPeak::new(ratio, speed).ok());
-    let misfit = |peak: &StaticPeak| {
-        let off = |(speed, ratio): &(f64, f64)| (ratio - peak.factor(*speed)).abs();
-        around.iter().flatten().map(off).sum::<f64>()
-    };
-    peaks
-        .min_by(|a, b| misfit(a).total_cmp(&misfit(b)))
-        .filter(|_| around.len() >= FEWEST && ratio >= LEAST_RATIO)
+    let ratio = median(&highest).min(MOST_RATIO);
+    let is_peak = highest.len() >= FEWEST && ratio >= LEAST_RATIO;
+    StaticPeak::new(ratio, STRIBECK_M_S).ok().filter(|_| is_peak)
 }
 
 /// A recording without its onsets; `None` if too little is left.
