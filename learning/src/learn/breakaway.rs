@@ -35,7 +35,9 @@ const LEAST_BURST: f64 = 1.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // see the messages
 pub enum NoOnset {
-    #[error("no stroke begins from rest: hold the tool still on the surface before each")]
+    #[error(
+        "no stroke begins from rest: hold the tool still on the surface before each, in all for a tenth of the recording"
+    )]
     NoStrokes,
     #[error(
         "only {strokes} strokes begin from rest, and an onset is learned from {FEWEST} or more: hold the tool still on the surface before each"

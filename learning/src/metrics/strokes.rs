@@ -12,16 +12,19 @@ const SETTLED_S: f64 = 0.2;
 
 /// Bounds of the speed below which a tool is at rest, m/s; the faster one is for trackers that resolve half a millimetre.
 const REST_M_S: [f64; 2] = [0.005, 0.025];
+/// Where more than nine tenths of a recording are faster, the tool was never held still, m/s: it has slow places, and no rests.
+const HELD_M_S: f64 = 0.01;
 /// A slide is so much faster, m/s.
 const ABOVE_REST_M_S: f64 = 0.015;
 
 /// The speeds below which the tool of a recording is at rest and above which it slides, m/s: a still tool's speed is its tracker's
-/// noise, of which a tenth of the samples of a recording with strokes from rest show the lower end.
+/// noise, of which a tenth of the samples of a recording with strokes from rest show the lower end. Nothing is below zero, without.
 pub(crate) fn thresholds(speed_m_s: &[f64]) -> [f64; 2] {
     let mut speeds = speed_m_s.to_vec();
     speeds.sort_by(f64::total_cmp);
     let slow_m_s = speeds.get(speeds.len() / 10).copied().unwrap_or(0.0);
-    let rest_m_s = (4.0 * slow_m_s).clamp(REST_M_S[0], REST_M_S[1]);
+    let is_held = slow_m_s <= HELD_M_S;
+    let rest_m_s = if is_held { (4.0 * slow_m_s).clamp(REST_M_S[0], REST_M_S[1]) } else { 0.0 };
     [rest_m_s, rest_m_s + ABOVE_REST_M_S]
 }
 
