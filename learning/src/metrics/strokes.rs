@@ -39,16 +39,12 @@ pub(crate) struct Stroke {
     pub force_n: f64,
 }
 
-/// Powers of an onset in its bands.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct OnsetPowers {
-    /// Of the last 30 ms at rest.
-    pub before: [f64; 3],
-    /// Of the first 100 ms.
-    pub whole: [f64; 3],
-    /// Of the later half of that.
-    pub late: [f64; 3],
-}
+/// Powers of an onset in its bands: of the last 30 ms at rest, of the first 100 ms, and of the later half of that.
+pub(crate) type OnsetPowers = [[f64; 3]; 3];
+/// Places in these.
+pub(crate) const BEFORE: usize = 0;
+pub(crate) const WHOLE: usize = 1;
+pub(crate) const LATE: usize = 2;
 
 /// The strokes from rest along speeds, m/s, and normal forces, N, sample by sample. The first 100 ms of each are covered.
 pub(crate) fn strokes(speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Vec<Stroke> {
@@ -82,27 +78,27 @@ fn power(part: &[f64]) -> f64 {
     part.iter().map(|y| y * y).sum::<f64>() / part.len().max(1) as f64
 }
 
-/// The powers of a vibration after releases at these samples.
+/// The powers of a vibration after releases at these samples, and in each band where it slides, if anywhere.
 pub(crate) fn powers(
     vibration: &[f64],
     starts: impl Iterator<Item = usize>,
+    slides: &[bool],
     rate_hz: f64,
-) -> Vec<OnsetPowers> {
+) -> (Vec<OnsetPowers>, [f64; 3]) {
     let bands = bands(vibration, rate_hz);
+    let [from_s, late_s, to_s] = ONSET_S;
+    let parts_s = [[from_s - 0.03, from_s], [from_s, to_s], [late_s, to_s]];
     let of = |start| {
-        let between = |from_s, to_s| {
-            let samples = span(start, [from_s, to_s], rate_hz);
-            bands
-                .each_ref()
-                .map(|band| samples.clone().and_then(|samples| band.get(samples)).map_or(0.0, power))
-        };
-        OnsetPowers {
-            before: between(ONSET_S[0] - 0.03, ONSET_S[0]),
-            whole: between(ONSET_S[0], ONSET_S[2]),
-            late: between(ONSET_S[1], ONSET_S[2]),
-        }
+        parts_s.map(|part_s| {
+            let samples = span(start, part_s, rate_hz).unwrap_or_default();
+            bands.each_ref().map(|band| band.get(samples.clone()).map_or(0.0, power))
+        })
     };
-    starts.map(of).collect()
+    let sliding = |band: &Vec<f64>| {
+        let all = band.iter().zip(slides).filter(|(_, slides)| **slides);
+        power(&all.map(|(y, _)| *y).collect::<Vec<_>>())
+    };
+    (starts.map(of).collect(), bands.each_ref().map(sliding))
 }
 
 /// False for the samples around a release: of its onset, and until the tool slides.
@@ -116,6 +112,13 @@ pub(crate) fn settled(speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Vec<b
     settled
 }
 
+/// True where the tool slides: settled, at the speed of a slide.
+pub(crate) fn slides(speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Vec<bool> {
+    let [_, slide_m_s] = thresholds(speed_m_s);
+    let settled = settled(speed_m_s, force_n, rate_hz);
+    settled.into_iter().zip(speed_m_s).map(|(settled, speed)| settled && *speed > slide_m_s).collect()
+}
+
 /// Number of strokes from rest along a motion, and the level of a vibration in the first 100 ms of these over that of its slides (at
 /// the speed of one, 0.2 s after any release) in [`BANDS_HZ`], dB; `None` without strokes or slides, or where a band is silent.
 pub fn onset_levels_db(
@@ -125,20 +128,11 @@ pub fn onset_levels_db(
     rate_hz: f64,
 ) -> Option<(usize, [f64; 3])> {
     let strokes = strokes(speed_m_s, force_n, rate_hz);
-    let starts = || strokes.iter().map(|stroke| stroke.start);
-    let onsets = powers(vibration, starts(), rate_hz);
-    let [_, slide_m_s] = thresholds(speed_m_s);
-    let settled = settled(speed_m_s, force_n, rate_hz);
-    let slides: Vec<bool> =
-        speed_m_s.iter().zip(settled).map(|(speed, settled)| settled && *speed > slide_m_s).collect();
-    let levels = bands(vibration, rate_hz).map(|band| {
-        let slide: Vec<f64> =
-            band.into_iter().zip(&slides).filter(|(_, slides)| **slides).map(|(y, _)| y).collect();
-        power(&slide)
-    });
+    let starts = strokes.iter().map(|stroke| stroke.start);
+    let (onsets, slide) = powers(vibration, starts, &slides(speed_m_s, force_n, rate_hz), rate_hz);
     let level_db = |band: usize| {
-        let onset = mean(&onsets.iter().map(|onset| onset.whole[band]).collect::<Vec<_>>());
-        10.0 * (onset / levels[band]).log10()
+        let onset = mean(&onsets.iter().map(|onset| onset[WHOLE][band]).collect::<Vec<_>>());
+        10.0 * (onset / slide[band]).log10()
     };
     Some((strokes.len(), [0, 1, 2].map(level_db))).filter(|(_, db)| db.iter().all(|db| db.is_finite()))
 }
