@@ -272,7 +272,7 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
         assert!((0.2..20.0).contains(&loudest), "{name}: {loudest}");
         seen += 1;
     }
-    assert_eq!(seen, 15);
+    assert_eq!(seen, 16);
 }
 
 /// Blocks of RON.

@@ -213,6 +213,23 @@ fn raw_strokes_from_rest_teach_an_onset_and_a_static_peak() {
     assert!(surface.friction.unwrap().peak().is_some());
 }
 
+/// Its slow places are no rests, however many there are.
+#[test]
+fn a_minute_of_free_dragging_teaches_no_onset_of_any_material() {
+    let of = |(material, _, name): (MaterialName, &str, &str)| {
+        for seed in [11, 12] {
+            let gesture = Gesture::Drag;
+            let take =
+                SimulatedTake { material, gesture, person: seed, seconds: 60.0, seed, from_rest: false };
+            let drag = record(&take, &Arc::default(), &mut |_| ()).unwrap();
+            let (surface, report) = learn("free", &[drag], &LearnSettings::default(), &|_| ()).unwrap();
+            assert!(surface.texture.unwrap().layer::<Onset>().is_none(), "{name}, {seed}");
+            assert!(report.onset.unwrap().is_err(), "{name}, {seed}");
+        }
+    };
+    std::thread::scope(|scope| SHIPPED.into_iter().for_each(|shipped| _ = scope.spawn(move || of(shipped))));
+}
+
 #[test]
 fn a_simulated_press_does_not_free_clips_of_a_measured_drag() {
     let mut drag = match processed(&drag(MaterialName::T2, 6.0, false), &ProcessingSettings::default()) {

@@ -12,19 +12,23 @@ const SETTLED_S: f64 = 0.2;
 
 /// Bounds of the speed below which a tool is at rest, m/s; the faster one is for trackers that resolve half a millimetre.
 const REST_M_S: [f64; 2] = [0.005, 0.025];
+/// Where more than nine tenths of a recording are faster, the tool was never held still, m/s: it has slow places, and no rests.
+const HELD_M_S: f64 = 0.01;
 /// A slide is so much faster, m/s.
 const ABOVE_REST_M_S: f64 = 0.015;
 
 /// The speeds below which the tool of a recording is at rest and above which it slides, m/s: a still tool's speed is its tracker's
-/// noise, of which a tenth of the samples of a recording with strokes from rest show the lower end.
+/// noise, of which a tenth of the samples of a recording with strokes from rest show the lower end. Nothing is below zero, without.
 pub(crate) fn thresholds(speed_m_s: &[f64]) -> [f64; 2] {
     let tenth = speed_m_s.len() / 10;
-    // Those beyond the bound do not change the result.
-    let mut slow: Vec<f64> = speed_m_s.iter().copied().filter(|speed| 4.0 * speed < REST_M_S[1]).collect();
-    let rest_m_s = match slow.len() > tenth {
-        true => (4.0 * *slow.select_nth_unstable_by(tenth, f64::total_cmp).1).max(REST_M_S[0]),
-        false => REST_M_S[1],
+    // Faster ones do not change the result.
+    let mut slow: Vec<f64> = speed_m_s.iter().copied().filter(|speed| *speed <= HELD_M_S).collect();
+    let is_held = speed_m_s.is_empty() || slow.len() > tenth;
+    let slow_m_s = match slow.len() > tenth {
+        true => *slow.select_nth_unstable_by(tenth, f64::total_cmp).1,
+        false => 0.0,
     };
+    let rest_m_s = if is_held { (4.0 * slow_m_s).clamp(REST_M_S[0], REST_M_S[1]) } else { 0.0 };
     [rest_m_s, rest_m_s + ABOVE_REST_M_S]
 }
 
@@ -39,16 +43,12 @@ pub(crate) struct Stroke {
     pub force_n: f64,
 }
 
-/// Powers of an onset in its bands.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct OnsetPowers {
-    /// Of the last 30 ms at rest.
-    pub before: [f64; 3],
-    /// Of the first 100 ms.
-    pub whole: [f64; 3],
-    /// Of the later half of that.
-    pub late: [f64; 3],
-}
+/// Powers of an onset in its bands: of the last 30 ms at rest, of the first 100 ms, and of the later half of that.
+pub(crate) type OnsetPowers = [[f64; 3]; 3];
+/// Places in these.
+pub(crate) const BEFORE: usize = 0;
+pub(crate) const WHOLE: usize = 1;
+pub(crate) const LATE: usize = 2;
 
 /// The strokes from rest along speeds, m/s, and normal forces, N, sample by sample. The first 100 ms of each are covered.
 pub(crate) fn strokes(speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Vec<Stroke> {
@@ -83,23 +83,24 @@ fn power(part: &[f64]) -> f64 {
     part.iter().map(|y| y * y).sum::<f64>() / part.len().max(1) as f64
 }
 
-/// The powers of a vibration after releases at these samples.
+/// The powers of a vibration after releases at these samples, and in each band where it slides, if anywhere.
 pub(crate) fn powers(
     vibration: &[f64],
     starts: impl Iterator<Item = usize>,
+    slides: &[bool],
     rate_hz: f64,
-) -> Vec<OnsetPowers> {
+) -> (Vec<OnsetPowers>, [f64; 3]) {
     let starts: Vec<usize> = starts.collect();
-    let parts_s = [[ONSET_S[0] - 0.03, ONSET_S[0]], [ONSET_S[0], ONSET_S[2]], [ONSET_S[1], ONSET_S[2]]];
-    let bands = in_bands(vibration, rate_hz, |band| -> Vec<[f64; 3]> {
-        let between = |start, part_s| span(start, part_s, rate_hz).and_then(|samples| band.get(samples));
-        starts.iter().map(|start| parts_s.map(|part_s| between(*start, part_s).map_or(0.0, power))).collect()
+    let [from_s, late_s, to_s] = ONSET_S;
+    let parts_s = [[from_s - 0.03, from_s], [from_s, to_s], [late_s, to_s]];
+    let bands = in_bands(vibration, rate_hz, |band| {
+        let part = |start, part_s| span(start, part_s, rate_hz).and_then(|samples| band.get(samples));
+        let onsets = starts.iter().map(|start| parts_s.map(|part_s| part(*start, part_s).map_or(0.0, power)));
+        let sliding = band.iter().zip(slides).filter(|(_, slides)| **slides).map(|(y, _)| *y);
+        (onsets.collect::<Vec<[f64; 3]>>(), power(&sliding.collect::<Vec<f64>>()))
     });
-    let of = |stroke: usize| {
-        let [before, whole, late] = [0, 1, 2].map(|part| bands.each_ref().map(|band| band[stroke][part]));
-        OnsetPowers { before, whole, late }
-    };
-    (0..starts.len()).map(of).collect()
+    let of = |stroke: usize| [0, 1, 2].map(|part| bands.each_ref().map(|(onsets, _)| onsets[stroke][part]));
+    ((0..starts.len()).map(of).collect(), bands.each_ref().map(|(_, sliding)| *sliding))
 }
 
 /// False for the samples around a release: of its onset, and until the tool slides.
@@ -113,6 +114,13 @@ pub(crate) fn settled(speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Vec<b
     settled
 }
 
+/// True where the tool slides: settled, at the speed of a slide.
+pub(crate) fn slides(speed_m_s: &[f64], force_n: &[f64], rate_hz: f64) -> Vec<bool> {
+    let [_, slide_m_s] = thresholds(speed_m_s);
+    let settled = settled(speed_m_s, force_n, rate_hz);
+    settled.into_iter().zip(speed_m_s).map(|(settled, speed)| settled && *speed > slide_m_s).collect()
+}
+
 /// Number of strokes from rest along a motion, and the level of a vibration in the first 100 ms of these over that of its slides (at
 /// the speed of one, 0.2 s after any release) in [`BANDS_HZ`], dB; `None` without strokes or slides, or where a band is silent.
 pub fn onset_levels_db(
@@ -122,19 +130,11 @@ pub fn onset_levels_db(
     rate_hz: f64,
 ) -> Option<(usize, [f64; 3])> {
     let strokes = strokes(speed_m_s, force_n, rate_hz);
-    let starts = || strokes.iter().map(|stroke| stroke.start);
-    let onsets = powers(vibration, starts(), rate_hz);
-    let [_, slide_m_s] = thresholds(speed_m_s);
-    let settled = settled(speed_m_s, force_n, rate_hz);
-    let slides: Vec<bool> =
-        speed_m_s.iter().zip(settled).map(|(speed, settled)| settled && *speed > slide_m_s).collect();
-    let levels = in_bands(vibration, rate_hz, |band| {
-        let slide = band.iter().zip(&slides).filter(|(_, slides)| **slides).map(|(y, _)| *y);
-        power(&slide.collect::<Vec<f64>>())
-    });
+    let starts = strokes.iter().map(|stroke| stroke.start);
+    let (onsets, slide) = powers(vibration, starts, &slides(speed_m_s, force_n, rate_hz), rate_hz);
     let level_db = |band: usize| {
-        let onset = mean(&onsets.iter().map(|onset| onset.whole[band]).collect::<Vec<_>>());
-        10.0 * (onset / levels[band]).log10()
+        let onset = mean(&onsets.iter().map(|onset| onset[WHOLE][band]).collect::<Vec<_>>());
+        10.0 * (onset / slide[band]).log10()
     };
     Some((strokes.len(), [0, 1, 2].map(level_db))).filter(|(_, db)| db.iter().all(|db| db.is_finite()))
 }
