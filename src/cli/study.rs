@@ -236,7 +236,7 @@ impl CommandResult for CheckedStudy {
                 text += &format!("  {phase}: {kind}, {trials} trials{training}\n");
             }
             if let Some(rows) = group.balanced_by {
-                let is_balanced = group.people.is_some_and(|people| people as usize % rows == 0);
+                let is_balanced = group.people.is_some_and(|people| (people as usize).is_multiple_of(rows));
                 let verdict = if is_balanced { "balanced" } else { "not balanced" };
                 text += &format!("  Latin squares: {verdict}; {rows} people or a multiple balance them\n");
             }
