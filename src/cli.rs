@@ -159,7 +159,9 @@ fn commands() -> Vec<Command> {
         Command::new("study", study::run)
             .example("study check graphs/studies/first.ron")
             .example("study plan graphs/studies/first.ron --participant P07")
-            .example("study simulate graphs/studies/first.ron --people 12"),
+            .example("study simulate graphs/studies/first.ron --people 12")
+            .example("study analyse out/first-simulated")
+            .example("study remove out/first-simulated --participant S001"),
         Command::new("thesis", thesis::run).example("thesis table 4.3").example("thesis study 4.5"),
         Command::new("recover", recover::run).example("recover out/texturepad.partial-1"),
         Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),

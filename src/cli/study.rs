@@ -10,7 +10,7 @@ use crate::signal::files::write_atomically;
 use clap::Subcommand;
 use haptograph_study::analyse::Analysis;
 use haptograph_study::check::{Checked, StudyError};
-use haptograph_study::data::Folder;
+use haptograph_study::data::{DataError, Folder};
 use haptograph_study::order::Trial;
 use haptograph_study::people::{Motion, People};
 use serde::Serialize;
@@ -80,7 +80,7 @@ enum Command {
     /// Compute the statistics that the phases ask for
     ///
     /// Two tests stand side by side: as in the thesis, with participants as replicates, and with repeated measures, each participant
-    /// against themselves. On centred ratings the first has a false-alarm rate of 11.8 % at a nominal 5 %. Tables go into
+    /// against themselves. On centred ratings the first finds a difference in 11.7 % of studies without one, at a nominal 5 %. Tables go into
     /// `analysis` in the folder.
     Analyse {
         /// The folder of the study's data
@@ -159,7 +159,11 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
             super::make_folder(&output)?;
             for (name, table) in analysis.tables().map_err(Failure::message)? {
                 let path = output.join(name);
-                write_atomically(&path, &table).map_err(Failure::doing("write", &path))?;
+                match table.is_empty() {
+                    // One of an analysis before.
+                    true => drop(std::fs::remove_file(&path)),
+                    false => write_atomically(&path, &table).map_err(Failure::doing("write", &path))?,
+                }
             }
             show(&Analysed { analysis, output }, *json)
         }
@@ -339,7 +343,10 @@ fn simulate(
     for group in 0..groups {
         for code in codes.by_ref().take(size(group)) {
             let name = study.study.group_name(group);
-            let mut claim = folder.claim(&code, name, true).map_err(Failure::message)?;
+            let mut claim = match folder.claim(&code, name, true) {
+                Err(DataError::Withdrawn { .. }) => continue,
+                claim => claim.map_err(Failure::message)?,
+            };
             loop {
                 if stop.load(Ordering::Relaxed) {
                     return Err(Failure::Interrupted);
@@ -417,10 +424,11 @@ impl CommandResult for Analysed {
             text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
         }
         for row in &of.thresholds {
+            let whose = if row.participant.is_empty() { "all" } else { &row.participant };
             let (threshold, low, high) = (number(row.threshold), number(row.low), number(row.high));
             text += &format!(
                 "{}, {}: threshold {threshold} ({low} to {high}), {} trials\n",
-                row.phase, row.participant, row.trials
+                row.phase, whose, row.trials
             );
         }
         for row in &of.scree {

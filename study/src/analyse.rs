@@ -115,6 +115,7 @@ pub struct ScreeRow {
 #[allow(missing_docs)]
 pub struct ThresholdRow {
     pub phase: String,
+    /// Empty for all participants together.
     pub participant: String,
     pub trials: u32,
     pub threshold: f64,
@@ -314,13 +315,17 @@ impl Analysis {
 
     fn means(&mut self, phase: &str, scale: &str, ratings: &Ratings, reference: Option<&str>) {
         let scaled = ratings.over_deviation();
-        let value = |cell: &Cell| {
-            ratings.cells.iter().position(|known| known == cell).map(|at| mean(&ratings.column(at)))
-        };
+        let place = |cell: &Cell| ratings.cells.iter().position(|known| known == cell);
         for (at, (surface, version)) in ratings.cells.iter().enumerate() {
             let values = ratings.column(at);
-            let of_reference = reference.and_then(|name| value(&(surface.clone(), name.to_owned())));
-            let less = of_reference.filter(|of| *of > 0.0).map(|of| 100.0 * (of - mean(&values)) / of);
+            let reference = reference.and_then(|name| place(&(surface.clone(), name.to_owned())));
+            // Of the people who rated both.
+            let less = reference.and_then(|reference| {
+                let both = ratings.rows.iter().map(|row| (row[reference], row[at]));
+                let both = both.filter(|(of, own)| of.is_finite() && own.is_finite());
+                let (of, own): (Vec<f64>, Vec<f64>) = both.unzip();
+                (mean(&of) > 0.0).then(|| 100.0 * (mean(&of) - mean(&own)) / mean(&of))
+            });
             self.means.push(MeanRow {
                 phase: phase.to_owned(),
                 scale: scale.to_owned(),
@@ -345,6 +350,10 @@ impl Analysis {
                 Ratings::of(&of_scale, |row| (row.first_surface.clone(), row.first_version.clone()));
             self.means(phase, &scale, &ratings, None);
             let scaled = ratings.over_deviation();
+            let constant = scaled.rows.iter().filter(|row| row.iter().all(|value| value.is_nan())).count();
+            if constant > 0 {
+                self.left_out.push(format!("{phase}, {scale}: {constant} people who always gave one answer"));
+            }
             by_scale
                 .push((scale.clone(), (0..scaled.cells.len()).map(|at| mean(&scaled.column(at))).collect()));
             let (_, versions) = scaled.factors();
@@ -509,7 +518,13 @@ impl Analysis {
             let second = name(&row.second_surface, &row.second_version);
             if first < second { (first, second) } else { (second, first) }
         };
-        let all = Ratings::of(rows, both).over_deviation();
+        // From the same to the different.
+        let turned = |row: &&Row| {
+            let rating = row.rating.map(|rating| if is_from_same { rating } else { 1.0 - rating });
+            Row { rating, ..(*row).clone() }
+        };
+        let turned: Vec<Row> = rows.iter().map(turned).collect();
+        let all = Ratings::of(&turned.iter().collect::<Vec<_>>(), both).over_deviation();
         let mut stimuli: Vec<String> = Vec::new();
         for (first, second) in &all.cells {
             place(&mut stimuli, first.clone());
@@ -523,14 +538,10 @@ impl Analysis {
         let pairs: Vec<(usize, usize)> =
             (0..stimuli.len()).flat_map(|a| (a + 1..stimuli.len()).map(move |b| (a, b))).collect();
         let found: Option<Vec<f64>> = pairs.iter().map(|(a, b)| of_pair(*a, *b)).collect();
-        let Some(mut dissimilarities) = found else {
+        let Some(dissimilarities) = found else {
             self.left_out.push(format!("map of {phase}: some pairs have no answer"));
             return;
         };
-        if !is_from_same {
-            let largest = dissimilarities.iter().copied().fold(0.0, f64::max);
-            dissimilarities.iter_mut().for_each(|value| *value = largest - *value);
-        }
         self.map(phase, &stimuli, &dissimilarities);
         self.explained(phase, (&stimuli, &pairs), &dissimilarities, ratings);
     }
@@ -580,7 +591,11 @@ impl Analysis {
                 names.iter().position(|name| name == stimulus).map(|at| mean(&of.column(at)))
             };
             let values: Option<Vec<f64>> = stimuli.iter().map(value).collect();
-            let Some(values) = values else { return };
+            let Some(values) = values else {
+                let why = format!("regression of {phase}: not every stimulus was rated for {scale}");
+                self.left_out.push(why);
+                return;
+            };
             differences
                 .push(pairs.iter().map(|(a, b)| (values[*a] - values[*b]).abs()).collect::<Vec<f64>>());
         }
@@ -608,10 +623,10 @@ impl Analysis {
     /// Psychometric functions: how often the level was called more than the standard, for each participant and for all.
     fn thresholds(&mut self, phase: &str, standard: f64, rows: &[&Row]) {
         let mut people = distinct(rows, |row| &row.participant);
-        people.push("all".to_owned());
+        people.push(String::new());
         for participant in people {
             let mut blocks = BTreeMap::<u64, Block>::new();
-            let own = rows.iter().filter(|row| participant == "all" || row.participant == participant);
+            let own = rows.iter().filter(|row| participant.is_empty() || row.participant == participant);
             for (level, is_right) in own.filter_map(|row| Some((row.level?, row.is_right?))) {
                 // Of two alternatives: right answers by the difference from the standard.
                 let level = (level - standard).abs();
@@ -621,7 +636,8 @@ impl Analysis {
             }
             let blocks: Vec<Block> = blocks.into_values().filter(|block| block.level > 0.0).collect();
             let settings = FitSettings { guess: 0.5, ..FitSettings::default() };
-            let what = format!("threshold of {participant} in {phase}");
+            let whose = if participant.is_empty() { "all" } else { &participant };
+            let what = format!("threshold of {whose} in {phase}");
             if let Some(found) = self.keep(&what, fit(&blocks, &settings)) {
                 self.thresholds.push(ThresholdRow {
                     phase: phase.to_owned(),
@@ -638,7 +654,7 @@ impl Analysis {
         }
     }
 
-    /// The tables as (name, CSV).
+    /// The tables as (name, CSV); empty where there is nothing.
     ///
     /// # Errors
     /// If a table cannot be written.
@@ -657,6 +673,6 @@ impl Analysis {
             ("scree.csv", table(&self.scree)?),
             ("thresholds.csv", table(&self.thresholds)?),
         ];
-        Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
+        Ok(all)
     }
 }

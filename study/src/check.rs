@@ -1,8 +1,8 @@
 //! Reading and checking of a study: its names first, then its graph with each version.
 
-use crate::document::{Arrange, Factor, Gate, Phase, Presented, Study, SurfaceOf};
+use crate::document::{Arrange, Factor, Gate, Phase, Presented, Question, Study, SurfaceOf};
 use crate::order::{Stimulus, Trial, square_rows};
-use haptograph_engine::diagnostic::{Diagnostic, Diagnostics};
+use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::document::{Document, LoadOptions, SettingsFile};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
@@ -17,6 +17,9 @@ use std::path::{Path, PathBuf};
 
 /// Largest peaks that the actuators of the thesis gave (A for a voice coil, 3.3 N for the arm).
 const PEAKS: [(Quantity, f64); 2] = [(Quantity::CURRENT, 0.5), (Quantity::FORCE, 3.3)];
+
+/// Largest number of trials of a phase.
+const MOST_TRIALS: usize = 10_000;
 
 /// A study that cannot run.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -173,15 +176,25 @@ impl Checked {
     /// # Errors
     /// With the first findings.
     pub fn check_graph(&self, registry: &Registry) -> Result<(), StudyError> {
-        let virtual_surface = self.study.surfaces.0.iter().position(|(_, of)| of.file.is_some());
-        for (_, phase) in &self.study.phases.0 {
+        let surfaces = self.study.surfaces.0.iter().enumerate();
+        let rendered: Vec<usize> =
+            surfaces.filter(|(_, (_, of))| of.file.is_some()).map(|(at, _)| at).collect();
+        for (number, (_, phase)) in self.study.phases.0.iter().enumerate() {
+            let named = phase.rendered_surface().and_then(|name| self.study.surfaces.find(&name.text));
+            let first = named.or(rendered.first().copied());
             for version in 0..self.study.version_count() {
-                let stimulus = virtual_surface.map(|surface| Stimulus { surface, version: Some(version) });
-                for level in phase.levels() {
+                let stimulus = first.map(|surface| Stimulus { surface, version: Some(version) });
+                for level in phase.extreme_levels() {
                     let graph = self.graph(registry, phase, (stimulus, level), 0)?;
                     self.check_ports(&graph, phase)?;
                     self.check_limits(&graph)?;
                 }
+            }
+            // Every surface once.
+            let others = rendered.iter().filter(|_| number == 0).filter(|surface| Some(**surface) != first);
+            for surface in others {
+                let stimulus = Stimulus { surface: *surface, version: Some(0) };
+                self.graph(registry, phase, (Some(stimulus), phase.extreme_levels()[0]), 0)?;
             }
         }
         Ok(())
@@ -237,6 +250,15 @@ impl Checked {
         sha256(&texts.collect::<Vec<_>>().concat())
     }
 
+    /// SHA-256 of the file of each surface, by its name; empty of one that is only real or cannot be read.
+    pub(crate) fn surface_hashes(&self) -> serde_json::Map<String, serde_json::Value> {
+        let hash = |(name, of): &(Name, SurfaceOf)| {
+            let bytes = of.file.as_ref().and_then(|file| files::read(file, u64::MAX).ok());
+            (name.text.clone(), bytes.map_or_else(String::new, |bytes| sha256(&bytes)).into())
+        };
+        self.study.surfaces.0.iter().map(hash).collect()
+    }
+
     /// Seed of the run of a trial: of the study, the participant and the trial alone.
     pub fn seed_of(&self, participant: &str, trial: &Trial) -> u64 {
         stream_seed(self.study.seed, &format!("{participant}/{}", trial.number))
@@ -274,17 +296,25 @@ impl Phase {
         }
     }
 
-    /// The values of that parameter, the extremes of a staircase; `None` where there is none.
-    pub fn levels(&self) -> Vec<Option<f64>> {
+    /// The surface of which that parameter is varied.
+    fn rendered_surface(&self) -> Option<&Name> {
         match self {
-            Self::ConstantStimuli(phase) => {
-                phase.levels.iter().copied().chain([phase.standard]).map(Some).collect()
-            }
-            Self::Staircase(phase) => {
-                [phase.standard, phase.start, phase.limits[0], phase.limits[1]].map(Some).to_vec()
-            }
-            _ => vec![None],
+            Self::ConstantStimuli(phase) => Some(&phase.surface),
+            Self::Staircase(phase) => Some(&phase.surface),
+            _ => None,
         }
+    }
+
+    /// The extreme values of that parameter; `None` where there is none.
+    fn extreme_levels(&self) -> Vec<Option<f64>> {
+        let levels = match self {
+            Self::ConstantStimuli(phase) => [&phase.levels[..], &[phase.standard]].concat(),
+            Self::Staircase(phase) => [phase.limits[0], phase.limits[1]].to_vec(),
+            _ => return vec![None],
+        };
+        let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = levels.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        vec![Some(least), Some(most)]
     }
 
     /// The order of its trials.
@@ -309,49 +339,106 @@ impl Names<'_> {
         let study = self.study;
         for (name, phase) in &study.phases.0 {
             self.known(phase.groups(), &study.groups, "group");
-            match phase {
-                Phase::Practice(of) => self.presented(&of.stimuli, &of.surfaces),
-                Phase::Explore(of) => self.presented(&of.stimuli, &of.surfaces),
-                Phase::Rate(of) => {
-                    self.presented(&of.stimuli, &of.surfaces);
-                    self.known(&of.scales, &study.scales, "scale");
-                }
-                Phase::Compare(of) => {
-                    self.known(&of.surfaces, &study.surfaces, "surface");
-                    self.known(of.versions.iter().chain(&of.reference), &study.versions, "version");
-                    self.known([&of.scale], &study.scales, "scale");
-                }
-                Phase::Pairs(of) => {
-                    self.presented(&of.stimuli, &of.surfaces);
-                    self.known([&of.scale], &study.scales, "scale");
-                }
-                Phase::Questions(_) => {}
-                Phase::ConstantStimuli(of) => self.known([&of.surface], &study.surfaces, "surface"),
-                Phase::Staircase(of) => self.staircase(of),
-            }
+            self.names_of(phase);
             self.order(phase);
-            let is_empty = (0..study.groups.0.len().max(1))
-                .all(|group| !study.is_of_group(study.phases.find(&name.text).unwrap_or(0), group));
-            if self.list.is_empty() && !is_empty && !self.has_trials(&name.text) {
-                let message = format!("phase `{}` has no trials", name.text);
-                let wrong = Diagnostic::error("E0304", name.span, message).label("nothing to present");
+            let trials = study.count(phase);
+            if self.list.is_empty() && !(1..=MOST_TRIALS).contains(&trials) {
+                let message =
+                    format!("phase `{}` has {trials} trials; at most {MOST_TRIALS} are possible", name.text);
+                let wrong = Diagnostic::error("E0304", name.span, message).label("none, or too many");
                 self.list.push(
                     wrong.help("a real surface needs `sample`, a virtual one `file`, and a rating a scale"),
                 );
             }
         }
+        if study.phases.0.is_empty() {
+            let wrong = Diagnostic::error("E0304", Span::default(), "the study has no phases");
+            self.list.push(wrong.help("add one: phases: { \"rating\": Rate() }"));
+        }
+        self.plain(&study.surfaces);
+        self.plain(&study.versions);
+        self.plain(&study.scales);
+        self.plain(&study.groups);
+        self.plain(&study.phases);
+        if let Some((name, _)) = study.versions.0.iter().find(|(name, _)| name.text == "real") {
+            let wrong = Diagnostic::error("E0211", name.span, "a version cannot be called `real`");
+            self.list.push(wrong.label("so are the real surfaces in the data"));
+        }
         self.list
     }
 
-    fn has_trials(&self, phase: &str) -> bool {
+    /// The surfaces, versions and scales of a phase.
+    fn names_of(&mut self, phase: &Phase) {
         let study = self.study;
-        let groups = 0..study.groups.0.len().max(1);
-        let mut all = groups.flat_map(|group| study.trials("1", group));
-        all.any(|trial| study.phases.0[trial.phase].0.text == phase)
+        match phase {
+            Phase::Practice(of) => self.presented(&of.stimuli, &of.surfaces),
+            Phase::Explore(of) => self.presented(&of.stimuli, &of.surfaces),
+            Phase::Rate(of) => {
+                self.presented(&of.stimuli, &of.surfaces);
+                self.known(&of.scales, &study.scales, "scale");
+            }
+            Phase::Compare(of) => {
+                self.known(&of.surfaces, &study.surfaces, "surface");
+                self.known(&of.versions, &study.versions, "version");
+                self.known(&of.reference, &study.versions, "version");
+                self.known([&of.scale], &study.scales, "scale");
+                if let Some(reference) = &of.reference
+                    && !(of.versions.is_empty() || of.versions.iter().any(|name| name.text == reference.text))
+                {
+                    let message = format!("`{}` is none of the versions of this phase", reference.text);
+                    self.list.push(Diagnostic::error("E0303", reference.span, message).label("not compared"));
+                }
+            }
+            Phase::Pairs(of) => {
+                self.presented(&of.stimuli, &of.surfaces);
+                self.known([&of.scale], &study.scales, "scale");
+            }
+            Phase::Questions(of) => {
+                self.plain(&of.questions);
+                of.questions.0.iter().for_each(|(name, question)| self.question(name, question));
+            }
+            Phase::ConstantStimuli(of) => self.varied(&of.surface),
+            Phase::Staircase(of) => self.staircase(of),
+        }
+    }
+
+    /// Refuses names that break the lines of a table.
+    fn plain<T>(&mut self, names: &Named<T>) {
+        for (name, _) in &names.0 {
+            if name.text.trim().is_empty() || name.text.chars().any(char::is_control) {
+                let message = format!("`{}` cannot be a name in the data", name.text.escape_debug());
+                self.list.push(
+                    Diagnostic::error("E0211", name.span, message).label("empty, or with control characters"),
+                );
+            }
+        }
+    }
+
+    fn question(&mut self, name: &Name, question: &Question) {
+        let wrong = match question {
+            Question::Number(of) if of.from >= of.to => "`from` is not below `to`",
+            Question::Choice(of) if of.of.len() < 2 => "a choice needs two answers at least",
+            Question::Choice(of) if of.of.iter().any(|one| one.chars().any(char::is_control)) => {
+                "an answer has control characters"
+            }
+            _ => return,
+        };
+        self.list.push(Diagnostic::error("E0304", name.span, wrong).label("of this question"));
+    }
+
+    /// A phase that varies a parameter of a surface renders it.
+    fn varied(&mut self, surface: &Name) {
+        let study = self.study;
+        self.known([surface], &study.surfaces, "surface");
+        if study.surfaces.find(&surface.text).is_some_and(|at| study.surfaces.0[at].1.file.is_none()) {
+            let message = format!("surface `{}` is only real", surface.text);
+            let wrong = Diagnostic::error("E0304", surface.span, message).label("cannot be rendered");
+            self.list.push(wrong.help("give it a `file`"));
+        }
     }
 
     fn staircase(&mut self, of: &crate::document::Staircase) {
-        self.known([&of.surface], &self.study.surfaces, "surface");
+        self.varied(&of.surface);
         let [least, most] = of.limits;
         let is_within = [of.start, of.standard].iter().all(|level| (least..=most).contains(level));
         let are_steps = !of.steps.is_empty() && of.steps.iter().all(|step| *step > 0.0);
@@ -374,7 +461,13 @@ impl Names<'_> {
 
     /// Reports names that `of` does not have.
     fn known<'n, T>(&mut self, names: impl IntoIterator<Item = &'n Name>, of: &Named<T>, what: &str) {
+        let mut seen: Vec<&Name> = Vec::new();
         for name in names {
+            if seen.iter().any(|known| known.text == name.text) {
+                let message = format!("{what} `{}` is named twice", name.text);
+                self.list.push(Diagnostic::error("E0105", name.span, message).label("named again here"));
+            }
+            seen.push(name);
             if of.find(&name.text).is_some() {
                 continue;
             }
@@ -406,24 +499,48 @@ impl Names<'_> {
 }
 
 impl Study {
-    /// The numbers of participants of a group that balance each Latin square of its phases: their least common multiple; `None`
-    /// without a square.
+    /// Number of participants of a group that balances every Latin square of its phases, or a multiple does; `None` without a square.
     pub fn balanced_by(&self, group: usize) -> Option<usize> {
         let mut all = None;
+        let trials = self.trials("1", group);
         for (number, (_, phase)) in self.phases.0.iter().enumerate() {
-            if !self.is_of_group(number, group) {
-                continue;
-            }
-            let trials: Vec<Trial> = self.trials("1", group);
             let of_phase: Vec<&Trial> = trials.iter().filter(|trial| trial.phase == number).collect();
-            for level in phase.order().iter().filter(|level| level.arrange == Arrange::Latin) {
-                let rows = square_rows(crate::order::count(&of_phase, level.factor));
-                all = Some(match all {
-                    None => rows,
-                    Some(before) => before * rows,
-                });
+            let squares = phase.order().iter().filter(|level| level.arrange == Arrange::Latin);
+            let rows = squares.map(|level| square_rows(crate::order::count(&of_phase, level.factor)));
+            // Squares of a phase are crossed; phases take the same number.
+            if let Some(rows) = rows.reduce(usize::saturating_mul) {
+                all = Some(
+                    all.map_or(rows, |before: usize| (before / common(before, rows)).saturating_mul(rows)),
+                );
             }
         }
         all
     }
+
+    /// Number of trials of a phase, without training, by arithmetic.
+    fn count(&self, phase: &Phase) -> usize {
+        let scales = |names: &[Name]| if names.is_empty() { self.scales.0.len() } else { names.len() };
+        match phase {
+            Phase::Practice(of) if of.stimuli.is_empty() => 1,
+            Phase::Practice(of) => self.stimuli(&of.stimuli, &of.surfaces).len(),
+            Phase::Explore(of) => self.stimuli(&of.stimuli, &of.surfaces).len(),
+            Phase::Rate(of) => {
+                let stimuli = self.stimuli(&of.stimuli, &of.surfaces).len();
+                stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize)
+            }
+            Phase::Compare(of) => self.compared(of).len().saturating_mul(of.repeats as usize),
+            Phase::Pairs(of) => {
+                let stimuli = self.stimuli(&of.stimuli, &of.surfaces).len();
+                stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2
+            }
+            Phase::Questions(of) => of.questions.0.len(),
+            Phase::ConstantStimuli(of) => of.levels.len().saturating_mul(of.repeats as usize),
+            Phase::Staircase(of) => of.at_most as usize,
+        }
+    }
+}
+
+/// The greatest common divisor.
+fn common(a: usize, b: usize) -> usize {
+    if b == 0 { a.max(1) } else { common(b, a % b) }
 }

@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -135,6 +135,8 @@ pub enum DataError {
     OtherStudy { path: PathBuf },
     #[error("{} holds data of {there} participants; give another folder", path.display())]
     Mixed { path: PathBuf, there: &'static str },
+    #[error("participant {code} is of group `{before}`; a participant keeps to a group")]
+    OtherGroup { code: String, before: String },
     #[error("participant {code} is being run by another program")]
     Busy { code: String },
     #[error("participant {code} was continued elsewhere after this session began: this answer is not kept")]
@@ -162,8 +164,6 @@ pub struct Claim {
     session: String,
     /// The participant's attempts so far.
     rows: Vec<Row>,
-    /// Length of the table of trials with these.
-    length: u64,
     _lock: File,
 }
 
@@ -194,8 +194,7 @@ fn whole_lines(path: &Path) -> Result<Vec<u8>, DataError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(wrong(path, error)),
     };
-    let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-    text.truncate(whole);
+    text.truncate(whole(&text));
     Ok(text)
 }
 
@@ -214,34 +213,50 @@ fn lines<T: Serialize>(rows: &[T], has_header: bool) -> Result<Vec<u8>, csv::Err
     writer.into_inner().map_err(|error| error.into_error().into())
 }
 
-/// Adds lines to a table and waits until they are on disk. What an interrupted writer left of a line is cut off. `may` gets what
-/// came into the table after `from`, and its length afterwards is returned.
+/// Adds lines to a table and waits until they are on disk. What an interrupted writer left of a line goes to a file beside it.
+/// `may` gets the table as it is.
 fn append<T: Serialize>(
     path: &Path,
     rows: &[T],
-    from: u64,
     may: impl FnOnce(&[u8]) -> Result<(), DataError>,
-) -> Result<u64, DataError> {
+) -> Result<(), DataError> {
     let of = |error: io::Error| wrong(path, error);
     let file = OpenOptions::new().read(true).append(true).create(true).open(path);
     let mut file = file.map_err(of)?;
-    file.lock().map_err(of)?;
-    let mut tail = Vec::new();
-    file.seek(SeekFrom::Start(from)).and_then(|_| file.read_to_end(&mut tail)).map_err(of)?;
-    let whole = tail.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-    may(&tail[..whole])?;
-    let length = from + whole as u64;
-    let text = lines(rows, length == 0).map_err(|error| wrong(path, error))?;
-    let is_torn = whole < tail.len();
-    let cut = if is_torn { file.set_len(length) } else { Ok(()) };
-    cut.and_then(|()| file.write_all(&text)).and_then(|()| file.sync_data()).map_err(of)?;
-    Ok(length + text.len() as u64)
+    let mut text = Vec::new();
+    file.read_to_end(&mut text).map_err(of)?;
+    let whole = whole(&text);
+    may(&text[..whole])?;
+    let added = lines(rows, whole == 0).map_err(|error| wrong(path, error))?;
+    if whole < text.len() {
+        let beside = path.with_extension("interrupted");
+        let kept = OpenOptions::new().append(true).create(true).open(&beside);
+        let end = kept.and_then(|mut kept| kept.write_all(&[&text[whole..], b"\n"].concat()));
+        end.and_then(|()| file.set_len(whole as u64)).map_err(of)?;
+    }
+    file.write_all(&added).and_then(|()| file.sync_data()).map_err(of)
 }
 
-/// Replaces a table.
+/// Length of the lines that have their end.
+fn whole(text: &[u8]) -> usize {
+    text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)
+}
+
+/// Replaces a table; one without lines is removed.
 fn replace<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), DataError> {
+    if rows.is_empty() {
+        return gone(fs::remove_file(path), path);
+    }
     let text = lines(rows, true).map_err(|error| wrong(path, error))?;
     write_atomically(path, &text).map_err(|error| wrong(path, error))
+}
+
+/// Nothing to remove is no error.
+fn gone(removed: io::Result<()>, path: &Path) -> Result<(), DataError> {
+    match removed {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(wrong(path, error)),
+        _ => Ok(()),
+    }
 }
 
 impl Folder {
@@ -260,21 +275,24 @@ impl Folder {
             "simulated": is_simulated,
             "haptograph": env!("CARGO_PKG_VERSION"),
             "graph_sha256": study.graph_sha256(),
-            "parameters": study.study.settings.0.iter().map(|(name, _)| &name.text).collect::<Vec<_>>(),
+            "surface_sha256": study.surface_hashes(),
         });
         match fs::read(&own) {
             Ok(text) => {
                 let before: serde_json::Value =
                     serde_json::from_slice(&text).map_err(|error| wrong(&own, error))?;
-                if before["study_sha256"] != about["study_sha256"]
-                    || before["graph_sha256"] != about["graph_sha256"]
-                {
+                let same = ["study_sha256", "graph_sha256", "surface_sha256"];
+                if same.iter().any(|key| before[key] != about[key]) {
                     return Err(DataError::OtherStudy { path: folder.path });
                 }
                 if before["simulated"] != about["simulated"] {
                     let there = if is_simulated { "real" } else { "simulated" };
                     return Err(DataError::Mixed { path: folder.path, there });
                 }
+            }
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(wrong(&own, error)),
+            Err(_) if ["trials.csv", "participants.csv"].iter().any(|name| path.join(name).exists()) => {
+                return Err(DataError::OtherStudy { path: folder.path });
             }
             Err(_) => {
                 let text = serde_json::to_vec_pretty(&about).map_err(|error| wrong(&own, error))?;
@@ -338,8 +356,38 @@ impl Folder {
         rows.reverse();
         rows.retain(|row| seen.insert((row.participant.clone(), row.trial)));
         rows.reverse();
-        rows.retain(|row| row.status != Status::Skipped);
+        let withdrawn = self.withdrawn()?;
+        rows.retain(|row| row.status != Status::Skipped && !withdrawn.contains(&row.participant));
         Ok(rows)
+    }
+
+    fn withdrawn(&self) -> Result<BTreeSet<String>, DataError> {
+        let all = self.participants()?.into_iter().filter(|known| !known.withdrawn_utc.is_empty());
+        Ok(all.map(|known| known.participant).collect())
+    }
+
+    /// The lock under which tables change: a table itself may be replaced.
+    fn lock(&self) -> Result<File, DataError> {
+        let path = self.path.join("locks").join(".tables");
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+        let locked = file.and_then(|file| file.lock().map(|()| file));
+        locked.map_err(|error| wrong(&path, error))
+    }
+
+    /// Takes a code for this program alone.
+    fn reserve(&self, code: &str) -> Result<File, DataError> {
+        let is_code = (1..=32).contains(&code.len())
+            && code.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'));
+        if !is_code {
+            return Err(DataError::Code { code: code.to_owned() });
+        }
+        let locks = self.path.join("locks");
+        fs::create_dir_all(&locks).map_err(|error| wrong(&locks, error))?;
+        let path = locks.join(code);
+        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
+        let lock = lock.map_err(|error| wrong(&path, error))?;
+        lock.try_lock().map_err(|_| DataError::Busy { code: code.to_owned() })?;
+        Ok(lock)
     }
 
     /// The numbers of the trials that are kept.
@@ -368,21 +416,16 @@ impl Folder {
     /// # Errors
     /// If the code is not one, the participant has withdrawn, or another program runs it.
     pub fn claim(&self, code: &str, group: &str, is_simulated: bool) -> Result<Claim, DataError> {
-        let is_code = (1..=32).contains(&code.len())
-            && code.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'));
-        if !is_code {
-            return Err(DataError::Code { code: code.to_owned() });
-        }
-        let locks = self.path.join("locks");
-        fs::create_dir_all(&locks).map_err(|error| wrong(&locks, error))?;
-        let path = locks.join(code);
-        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
-        let lock = lock.map_err(|error| wrong(&path, error))?;
-        lock.try_lock().map_err(|_| DataError::Busy { code: code.to_owned() })?;
+        let lock = self.reserve(code)?;
+        let _tables = self.lock()?;
         let before = self.participants()?.into_iter().find(|known| known.participant == code);
         let participant = match before {
             Some(known) if !known.withdrawn_utc.is_empty() => {
                 return Err(DataError::Withdrawn { code: code.to_owned() });
+            }
+            Some(known) if known.group != group => {
+                let (code, before) = (code.to_owned(), known.group);
+                return Err(DataError::OtherGroup { code, before });
             }
             Some(known) => known,
             None => {
@@ -393,19 +436,18 @@ impl Folder {
                     withdrawn_utc: String::new(),
                     simulated: is_simulated,
                 };
-                append(&self.table("participants.csv"), std::slice::from_ref(&new), 0, |_| Ok(()))?;
+                append(&self.table("participants.csv"), std::slice::from_ref(&new), |_| Ok(()))?;
                 new
             }
         };
-        let table = self.table("trials.csv");
-        let text = whole_lines(&table)?;
-        let mut rows: Vec<Row> = parsed(&table, &text)?;
+        let mut rows = self.rows()?;
         rows.retain(|row| row.participant == code);
         let session = format!("{}-{}", now_utc(), std::process::id());
-        Ok(Claim { folder: self.clone(), participant, session, rows, length: text.len() as u64, _lock: lock })
+        Ok(Claim { folder: self.clone(), participant, session, rows, _lock: lock })
     }
 
-    /// Removes what a participant left, but for a line that says so; what was removed, in words.
+    /// Removes what a participant left, but for a line that says so; what was removed, in words. It can be repeated, should
+    /// it be interrupted.
     ///
     /// # Errors
     /// If there is no such participant, or a file cannot be changed.
@@ -414,25 +456,35 @@ impl Folder {
         let Some(known) = participants.iter_mut().find(|known| known.participant == code) else {
             return Err(DataError::Unknown { code: code.to_owned(), path: self.path.clone() });
         };
-        let _claim = self.claim(code, "", false)?;
-        (known.withdrawn_utc, known.consent_utc, known.group) = (now_utc(), String::new(), String::new());
-        replace(&self.table("participants.csv"), &participants)?;
-        let mut rows = self.rows()?;
-        let trials = rows.len();
+        let _reserved = self.reserve(code)?;
+        let _tables = self.lock()?;
+        // All is read before anything is changed.
+        let (mut rows, mut measures) = (self.rows()?, read::<Measure>(&self.table("measures.csv"))?);
+        let before = (rows.len(), measures.len());
         rows.retain(|row| row.participant != code);
-        let trials = trials - rows.len();
-        let mut measures: Vec<Measure> = read(&self.table("measures.csv"))?;
-        let numbers = measures.len();
         measures.retain(|measure| measure.participant != code);
-        let numbers = numbers - measures.len();
+        let (trials, numbers) = (before.0 - rows.len(), before.1 - measures.len());
+        if known.withdrawn_utc.is_empty() {
+            known.withdrawn_utc = now_utc();
+        }
+        (known.consent_utc, known.group) = (String::new(), String::new());
+        replace(&self.table("participants.csv"), &participants)?;
         replace(&self.table("trials.csv"), &rows)?;
         replace(&self.table("measures.csv"), &measures)?;
         let signals = self.path.join("signals").join(code);
         let runs = fs::read_dir(&signals).map_or(0, Iterator::count);
-        if runs > 0 {
-            fs::remove_dir_all(&signals).map_err(|error| wrong(&signals, error))?;
+        // What was computed with the participant, or left of an interrupted line, is theirs too.
+        for folder in [signals, self.path.join("analysis")] {
+            gone(fs::remove_dir_all(&folder), &folder)?;
         }
-        Ok(format!("removed {trials} trials, {numbers} measures and {runs} recordings of participant {code}"))
+        for file in ["trials.interrupted", "measures.interrupted"].map(|name| self.table(name)) {
+            gone(fs::remove_file(&file), &file)?;
+        }
+        let lock = self.path.join("locks").join(code);
+        gone(fs::remove_file(&lock), &lock)?;
+        Ok(format!(
+            "removed {trials} trials, {numbers} measures and {runs} recordings of participant {code}, and the analysis"
+        ))
     }
 }
 
@@ -469,20 +521,20 @@ impl Claim {
             unit: unit.clone(),
         };
         let measures: Vec<Measure> = measures.iter().map(measure).collect();
+        let _tables = self.folder.lock()?;
         if !measures.is_empty() {
-            append(&self.folder.table("measures.csv"), &measures, 0, |_| Ok(()))?;
+            append(&self.folder.table("measures.csv"), &measures, |_| Ok(()))?;
         }
         // Last: with this line the trial is complete.
         let start = format!("{code},");
-        let is_free = |tail: &[u8]| match tail
-            .split(|byte| *byte == b'\n')
-            .any(|line| line.starts_with(start.as_bytes()))
-        {
-            true => Err(DataError::OtherSession { code: code.clone() }),
-            false => Ok(()),
+        let is_free = |table: &[u8]| {
+            let there = table.split(|byte| *byte == b'\n').filter(|line| line.starts_with(start.as_bytes()));
+            match there.count() == self.rows.len() {
+                true => Ok(()),
+                false => Err(DataError::OtherSession { code: code.clone() }),
+            }
         };
-        let table = self.folder.table("trials.csv");
-        self.length = append(&table, std::slice::from_ref(&row), self.length, is_free)?;
+        append(&self.folder.table("trials.csv"), std::slice::from_ref(&row), is_free)?;
         self.rows.push(row);
         Ok(())
     }

@@ -131,7 +131,7 @@ impl Study {
             }
             Phase::Explore(explore) => {
                 let trials = self.stimuli(&explore.stimuli, &explore.surfaces).into_iter().map(one);
-                draw.arranged(trials.collect(), &explore.order)
+                draw.repeated(1, &trials.collect::<Vec<_>>(), &explore.order)
             }
             Phase::Rate(rate) => {
                 let scales = Self::some(&rate.scales, &self.scales);
@@ -140,11 +140,11 @@ impl Study {
                     stimuli.iter().map(|stimulus| Trial { scale: Some(*scale), ..one(*stimulus) })
                 });
                 let cells: Vec<Trial> = cells.collect();
-                (0..rate.repeats).flat_map(|_| draw.arranged(cells.clone(), &rate.order)).collect()
+                draw.repeated(rate.repeats, &cells, &rate.order)
             }
             Phase::Compare(compare) => {
                 let cells = self.compared(compare);
-                (0..compare.repeats).flat_map(|_| draw.arranged(cells.clone(), &compare.order)).collect()
+                draw.repeated(compare.repeats, &cells, &compare.order)
             }
             Phase::Pairs(pairs) => draw.with_sides(self.paired(pairs)),
             Phase::ConstantStimuli(phase) => {
@@ -168,7 +168,7 @@ impl Study {
     }
 
     /// Each version beside its real surface.
-    fn compared(&self, compare: &Compare) -> Vec<Trial> {
+    pub(crate) fn compared(&self, compare: &Compare) -> Vec<Trial> {
         let presented = [Presented::Virtual(Version { version: None })];
         let versions = self.some_versions(&compare.versions);
         let stimuli = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
@@ -310,9 +310,14 @@ impl Draw {
         trials
     }
 
-    /// The trials in the order of these levels, outermost first.
-    fn arranged(&mut self, trials: Vec<Trial>, levels: &[Level]) -> Vec<Trial> {
-        let mut rows = vec![0; levels.len()];
+    /// The trials so many times, each time in an order of its own.
+    fn repeated(&mut self, repeats: u32, trials: &[Trial], levels: &[Level]) -> Vec<Trial> {
+        (0..repeats as usize).flat_map(|time| self.arranged(trials.to_vec(), levels, time)).collect()
+    }
+
+    /// The trials in the order of these levels, outermost first; the squares begin at the row of `time`.
+    fn arranged(&mut self, trials: Vec<Trial>, levels: &[Level], time: usize) -> Vec<Trial> {
+        let mut rows = vec![time; levels.len()];
         // The squares of several levels are crossed: each takes its own digit of the number.
         let (mut digit, mut left) = (Vec::new(), self.number);
         for level in levels {

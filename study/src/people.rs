@@ -187,6 +187,10 @@ impl<'p> Person<'p> {
         let standard = study.study.phases.0[trial.phase].1.standard().unwrap_or(0.0);
         let level = trial.level.unwrap_or(standard);
         let difference = (level - standard).abs() / self.people.threshold;
+        if level == standard {
+            row.choice = if self.uniform() < 0.5 { "second" } else { "first" }.to_owned();
+            return;
+        }
         let is_known = self.uniform() >= self.people.lapse && self.uniform() >= 0.5_f64.powf(difference);
         let is_right = is_known || self.uniform() < 0.5;
         row.is_right = Some(is_right);
@@ -247,6 +251,7 @@ fn feel(study: &Checked, phase: &Phase, graph: &Graph, longest_s: f64) -> Result
     let mut options = SessionOptions::default().rested();
     options.offline = true;
     options.probes = ports.iter().map(|port| (*port).to_owned()).collect();
+    options.probes.sort();
     options.probes.dedup();
     let failed = |error: &dyn std::fmt::Display| StudyError::Run(error.to_string());
     let (mut player, mut session) = Player::open(graph, &options).map_err(|error| failed(&error))?;
@@ -308,7 +313,8 @@ impl Checked {
             _ => None,
         };
         let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
-        let file = trial.second.or(trial.first).and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
+        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
+        let file = rendered.and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
         let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
         Row {
             trial: trial.number,
@@ -370,19 +376,26 @@ impl Checked {
         seed: u64,
     ) -> Result<Felt, StudyError> {
         let phase = &self.study.phases.0[trial.phase].1;
-        let of = trial.second.or(trial.first).filter(|of| of.version.is_some());
-        let (Motion::Simulated { longest_s }, Some(of)) = (motion, of) else {
-            return Ok(Felt { seconds: 0.0, is_open: true, measures: Vec::new() });
-        };
-        let graph = self.graph(registry, phase, (Some(of), trial.level), seed)?;
-        feel(self, phase, &graph, longest_s)
+        let mut all = Felt { seconds: 0.0, is_open: true, measures: Vec::new() };
+        let Motion::Simulated { longest_s } = motion else { return Ok(all) };
+        let of = [(trial.first, phase.standard()), (trial.second, trial.level)];
+        let of: Vec<_> = of.into_iter().filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
+        for (number, (stimulus, level)) in of.iter().enumerate() {
+            let graph = self.graph(registry, phase, (*stimulus, *level), seed)?;
+            let felt = feel(self, phase, &graph, longest_s)?;
+            let prefix = if of.len() > 1 { ["first: ", "second: "][number] } else { "" };
+            let named = felt.measures.into_iter();
+            all.measures.extend(named.map(|(name, value, unit)| (format!("{prefix}{name}"), value, unit)));
+            all.seconds += felt.seconds;
+            all.is_open &= felt.is_open;
+        }
+        Ok(all)
     }
 }
 
 impl Folder {
-    /// Codes of so many simulated people, S01 and so on.
+    /// Codes of so many simulated people, S001 and so on.
     pub fn codes(people: usize) -> impl Iterator<Item = String> {
-        let digits = people.to_string().len().max(2);
-        (1..=people).map(move |number| format!("S{number:0digits$}"))
+        (1..=people).map(|number| format!("S{number:03}"))
     }
 }

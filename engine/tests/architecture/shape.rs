@@ -27,10 +27,10 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("live", 6_510, 6_000),
     ("report", 7_745, 6_000),
     // Studies with people, new in this house.
-    ("study", 3_600, 3_600),
+    ("study", 3_700, 3_600),
     ("studio", 5_250, 3_300),
     // 475 for `study` and `thesis`.
-    ("src", 9_720, 6_300),
+    ("src", 9_730, 6_300),
     ("bindings", 3_450, 3_100),
 ];
 
