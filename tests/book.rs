@@ -312,8 +312,10 @@ fn every_kind_in_the_book_exists() {
     for page in pages() {
         let text = fs::read_to_string(&page).unwrap();
         let parts = |block| str::split(block, "\": ").skip(1).map(move |part| (block, part));
-        // Plans of data sets have motions where graphs have nodes.
-        let graphs = blocks(&text).filter(|block| !block.starts_with("Batch("));
+        // Plans of data sets and studies have motions and phases where graphs have nodes.
+        let graphs = blocks(&text).filter(|block| {
+            !["Batch(", "Study(", "People(", "opens_when"].iter().any(|of| block.starts_with(of))
+        });
         for (block, part) in graphs.flat_map(parts) {
             let part = part.trim_start();
             let kind = part.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
