@@ -378,3 +378,99 @@ fn a_staircase_of_simulated_people_gives_their_threshold_back() {
         assert!((row.threshold - 0.1).abs() < 0.025, "{}: {}", row.phase, row.threshold);
     }
 }
+
+#[test]
+fn a_removal_can_be_repeated_and_leaves_a_table_that_others_go_on_with() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let mut other = data.claim("S2", "all", true).expect("free");
+    data.claim("S1", "all", true).expect("free").keep(row(1, 0.25), &[]).expect("kept");
+    let trials = folder.path().join("trials.csv");
+    let whole = fs::read(&trials).expect("trials");
+    data.remove("S1").expect("removed");
+    // As if it had been interrupted before the table of trials.
+    fs::write(&trials, whole).expect("written");
+    assert_eq!(data.answers().expect("answers").len(), 0, "who has withdrawn is not analysed");
+    data.remove("S1").expect("removed again");
+    other.keep(row(1, 0.5), &[]).expect("kept");
+    let rows = data.answers().expect("answers");
+    assert_eq!((rows.len(), &*rows[0].participant), (1, "S2"));
+}
+
+#[test]
+fn a_participant_keeps_to_a_group_and_a_folder_without_its_study_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("components.ron");
+    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    drop(data.claim("S1", "1", true).expect("free"));
+    assert!(matches!(data.claim("S1", "2", true), Err(DataError::OtherGroup { .. })));
+    fs::remove_file(folder.path().join("study.json")).expect("removed");
+    let opened = Folder::open(folder.path(), &shipped("first.ron"), true);
+    assert!(matches!(opened, Err(DataError::OtherStudy { .. })));
+}
+
+#[test]
+fn what_a_participant_would_meet_first_is_found_by_a_check() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let with = |phases: &str| {
+        let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron",
+            surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "gone": (file: "gone.ron"), "rock": (sample: "tray") },
+            scales: { "s": (ask: "?", from: "a", to: "b") }, phases: { PHASES })"#;
+        written(folder.path(), &text.replace("PHASES", phases))
+    };
+    let wrong = |phases: &str| codes(with(phases).unwrap_err());
+    let missing = with(r#""r": Rate(surfaces: ["tile"])"#).expect("names").check_graph(&registry());
+    assert!(matches!(missing, Err(StudyError::Graph { of, .. }) if of == "gone, virtual"));
+    let constant =
+        r#""c": ConstantStimuli(ask: "?", surface: "rock", parameter: "gain", standard: 1, levels: [2])"#;
+    assert_eq!(wrong(constant), ["E0304"]);
+    assert_eq!(wrong(r#""r": Rate(surfaces: ["tile", "tile"])"#), ["E0105"]);
+    assert_eq!(wrong(r#""q": Questions(questions: { "a": Number(ask: "?", from: 2, to: 1) })"#), ["E0304"]);
+    assert_eq!(wrong(r#""a\nb": Rate()"#), ["E0211"]);
+    assert_eq!(wrong(""), ["E0304"]);
+    // Far more trials than memory holds are counted, not made.
+    let many: String = (0..20_000).map(|level| format!("{level}, ")).collect();
+    let many = format!(
+        r#""c": ConstantStimuli(ask: "?", surface: "tile", parameter: "gain", standard: 1, repeats: 1000, levels: [{many}])"#
+    );
+    assert_eq!(wrong(&many), ["E0304"]);
+    let squares: String = (0..64).map(|at| format!(r#""r{at}": Rate(order: [Latin(Surface)]), "#)).collect();
+    // Two virtual surfaces in each of 64 phases: one number serves them all.
+    assert_eq!(with(&squares).expect("valid").study.balanced_by(0), Some(2));
+}
+
+#[test]
+fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
+    let analysis = |end: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron",
+            surfaces: { "a": (sample: "1"), "b": (sample: "2"), "c": (sample: "3"), "d": (sample: "4"), "e": (sample: "5") },
+            scales: { "s": (ask: "?", from: "a", to: "b"), "r": (ask: "?", from: "a", to: "b") },
+            phases: { "p": Pairs(scale: "s", same_is: END), "r": Rate(stimuli: [Real], scales: ["r"]) })"#;
+        let study = written(folder.path(), &text.replace("END", end)).expect("valid");
+        let people = people(
+            folder.path(),
+            r#"People(format: 1, bias_sd: 0.0, noise_sd: 0.02,
+                values: { "r": { "a": -0.4, "b": -0.1, "c": 0.0, "d": 0.2, "e": 0.4 } },
+                places: { "a, real": [0.0], "b, real": [0.3], "c, real": [0.4], "d, real": [0.6], "e, real": [0.8] })"#,
+        );
+        people.check(&study).expect("known names");
+        let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
+        for code in Folder::codes(5) {
+            let mut claim = data.claim(&code, "all", true).expect("free");
+            study.simulate(&registry(), (&mut claim, 0), &people, Motion::None, usize::MAX).expect("it runs");
+        }
+        Analysis::of(&study.study, &data).expect("analysed")
+    };
+    let (from, to) = (analysis("From"), analysis("To"));
+    assert_eq!((from.relations.len(), to.relations.len()), (1, 1), "{:?}", from.left_out);
+    let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+    assert!(
+        near(from.relations[0].value, to.relations[0].value),
+        "{} {}",
+        from.relations[0].value,
+        to.relations[0].value
+    );
+    assert!(from.scree.iter().zip(&to.scree).all(|(a, b)| near(a.stress, b.stress)));
+}
