@@ -88,7 +88,6 @@ fn a_long_archive_is_learned_in_forty_bytes_a_sample() {
 #[test]
 fn a_long_archive_with_strokes_from_rest_is_learned_in_sixty_bytes_a_sample() {
     let _alone = ALONE.lock();
-    // Beyond the beginning of which the onset is learned.
     let bytes = slope([110, 150], true);
     assert!(bytes < 60.0, "{bytes} bytes a sample");
 }

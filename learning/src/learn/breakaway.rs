@@ -16,6 +16,7 @@ use haptograph_surfaces::layers::onset::{ARMED_AFTER_S, LONGEST_S, Onset, OnsetO
 use haptograph_surfaces::layers::{Layer, RenderRates};
 use haptograph_surfaces::rendering::{SynthesisSettings, Trajectory, synthesise};
 use haptograph_surfaces::{StaticPeak, TextureModel};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Fewest strokes of which an onset is learned.
@@ -146,9 +147,11 @@ fn shown(drags: &[ProcessedRecording], found: &[Vec<Stroke>], texture: &TextureM
     let rate_hz = drag.rate_hz();
     let [before, after] = SHOWN_S.map(|seconds| (seconds * rate_hz) as usize);
     let samples = start.saturating_sub(before)..(start + after).min(drag.samples());
-    let vibration = synthesise(texture, &drag.trajectory(), &SynthesisSettings::default()).ok()?;
+    let from = start.saturating_sub((LONGEST_S * rate_hz) as usize);
+    let motion = trajectory(drag.signals(), from..samples.end);
+    let vibration = synthesise(texture, &motion, &SynthesisSettings::default()).ok()?;
     let recorded = drag.signals().acceleration_m_s2[samples.clone()].to_vec();
-    Some(OnsetShown { rate_hz, recorded, rendered: vibration[samples].to_vec() })
+    Some(OnsetShown { rate_hz, recorded, rendered: vibration[samples.start - from..].to_vec() })
 }
 
 /// The static peak of drags over a coefficient of friction: the middle of the strokes' largest ratios of tangential and normal force
@@ -301,6 +304,15 @@ fn observe(
     recordings.iter().zip(strokes).flat_map(of).collect()
 }
 
+/// A part of a motion.
+fn trajectory(signals: &Signals, samples: Range<usize>) -> Trajectory {
+    Trajectory {
+        rate_hz: signals.rate_hz,
+        speed_m_s: signals.speed_m_s[samples.clone()].to_vec(),
+        force_n: signals.force_normal_n[samples].to_vec(),
+    }
+}
+
 /// Those of strokes that are near one another. The recorded ones are scaled, band by band, by the power of the texture's slides over that of
 /// the recorded ones: an onset is as much louder than its slide as it was, where the texture's level is off.
 fn observe_near(
@@ -313,11 +325,7 @@ fn observe_near(
     let [first, last] = [0, strokes.len() - 1].map(|k| strokes[k].start);
     let from = first.saturating_sub(second);
     let samples = from..(last + second).min(slides.len());
-    let trajectory = Trajectory {
-        rate_hz,
-        speed_m_s: signals.speed_m_s[samples.clone()].to_vec(),
-        force_n: signals.force_normal_n[samples.clone()].to_vec(),
-    };
+    let trajectory = trajectory(signals, samples.clone());
     let of = |vibration: &[f64]| {
         let starts = strokes.iter().map(|stroke| stroke.start - from);
         powers(vibration, starts, &slides[samples.clone()], rate_hz)
