@@ -39,12 +39,11 @@ pub(super) fn find_clips(
     let longest = samples(LONGEST_S).min(most / 4);
     let mut pieces: Vec<(&Whitened<'_>, Range<usize>)> = vec![];
     for (recording, whitened) in recordings.iter().zip(whitened) {
-        for run in usable(recording, &whitened.dragged().collect::<Vec<bool>>()) {
+        for run in usable(recording, &whitened.runs()) {
             let starts = run.clone().step_by(longest);
             let piece = starts.map(|start| start..run.end.min(start + longest));
-            pieces.extend(
-                piece.filter(|piece| piece.len() >= samples(SHORTEST_S)).map(|piece| (whitened, piece)),
-            );
+            let long = piece.filter(|piece| piece.len() >= samples(SHORTEST_S));
+            pieces.extend(long.map(|piece| (whitened, piece)));
         }
     }
     let all: usize = pieces.iter().map(|(_, piece)| piece.len()).sum();
@@ -68,42 +67,45 @@ pub(super) fn find_clips(
     Clips::new(&flattened(&kept, texture.warping())).ok()
 }
 
-/// Runs of samples that are dragged, without the edges of strokes, clipped samples, and windows as faint as the sensor's noise.
-fn usable(recording: &ProcessedRecording, dragged: &[bool]) -> Vec<Range<usize>> {
+/// What is left of strokes without their edges, clipped samples, and windows as faint as the sensor's noise.
+fn usable(recording: &ProcessedRecording, strokes: &[Range<usize>]) -> Vec<Range<usize>> {
     let samples = |seconds: f64| ((seconds * recording.rate_hz()) as usize).max(1);
-    let mut usable = dragged.to_vec();
     let acceleration = recording.vibration_m_s2();
-    clipped(acceleration).into_iter().for_each(|sample| usable[sample] = false);
-    let windows = (0..usable.len()).step_by(samples(FAINT_S)).map(|start| {
-        let window = start..usable.len().min(start + samples(FAINT_S));
+    let is_at_rest = |window: &Range<usize>| {
+        let next = strokes.partition_point(|stroke| stroke.end <= window.start);
+        strokes.get(next).is_none_or(|stroke| stroke.start >= window.end)
+    };
+    let powered = |start: usize| {
+        let window = start..acceleration.len().min(start + samples(FAINT_S));
         let power = acceleration[window.clone()].iter().map(|a| a * a).sum::<f64>() / window.len() as f64;
         (window, power)
-    });
-    let windows: Vec<(Range<usize>, f64)> = windows.collect();
-    let is = |wanted: bool, window: &Range<usize>| {
-        dragged[window.clone()].iter().all(|dragged| *dragged == wanted)
     };
-    let mut rest: Vec<f64> =
-        windows.iter().filter(|(window, _)| is(false, window)).map(|(_, power)| *power).collect();
+    let windows = || (0..acceleration.len()).step_by(samples(FAINT_S)).map(powered);
+    let at_rest = windows().filter(|(window, _)| is_at_rest(window));
+    let mut rest: Vec<f64> = at_rest.map(|(_, power)| power).collect();
     rest.sort_by(f64::total_cmp);
-    if let Some(rest) = rest.get(rest.len() / 2) {
-        let faint = windows.iter().filter(|(_, power)| *power < OVER_REST * rest);
-        faint.for_each(|(window, _)| usable[window.clone()].fill(false));
+    let faintest = rest.get(rest.len() / 2).map_or(0.0, |rest| OVER_REST * rest);
+    let faint = windows().filter(|(_, power)| *power < faintest).map(|(window, _)| window);
+    let mut cuts: Vec<Range<usize>> =
+        clipped(acceleration).into_iter().map(|sample| sample..sample + 1).chain(faint).collect();
+    cuts.sort_unstable_by_key(|cut| cut.start);
+    let edge = samples(EDGE_S);
+    strokes
+        .iter()
+        .flat_map(|stroke| without(stroke.start + edge..stroke.end.saturating_sub(edge), &cuts))
+        .collect()
+}
+
+/// What sorted cuts leave of a run.
+fn without(run: Range<usize>, cuts: &[Range<usize>]) -> Vec<Range<usize>> {
+    let (mut left, mut from) = (vec![], run.start);
+    for cut in cuts.iter().skip_while(|cut| cut.end <= run.start).take_while(|cut| cut.start < run.end) {
+        left.push(from..cut.start);
+        from = from.max(cut.end);
     }
-    let runs = |of: &[bool]| {
-        let mut start = 0;
-        let chunks = of.chunk_by(|a, b| a == b).map(|run| {
-            start += run.len();
-            (run[0], start - run.len()..start)
-        });
-        chunks.filter(|(is, _)| *is).map(|(_, run)| run).collect::<Vec<Range<usize>>>()
-    };
-    for stroke in runs(dragged) {
-        let edge = samples(EDGE_S).min(stroke.len());
-        usable[stroke.start..stroke.start + edge].fill(false);
-        usable[stroke.end - edge..stroke.end].fill(false);
-    }
-    runs(&usable)
+    left.push(from..run.end);
+    left.retain(|part| !part.is_empty());
+    left
 }
 
 /// The level that is left of the map's errors in a whitened piece, as the law's filter passes it: what carries little of the
@@ -176,8 +178,8 @@ mod tests {
 
     #[test]
     fn edges_of_strokes_clipped_samples_and_what_the_sensor_hides_are_left_out() {
-        let dragged: Vec<bool> = (0..3 * RATE_HZ).map(|n| n >= RATE_HZ).collect();
-        assert_eq!(usable(&stroke(), &dragged), [1_100..1_500, 1_520..2_000]);
+        let dragged = RATE_HZ..3 * RATE_HZ;
+        assert_eq!(usable(&stroke(), &[dragged]), [1_100..1_500, 1_520..2_000]);
     }
 
     #[test]

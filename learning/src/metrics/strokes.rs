@@ -23,12 +23,11 @@ pub(crate) fn thresholds(speed_m_s: &[f64]) -> [f64; 2] {
     let tenth = speed_m_s.len() / 10;
     // Faster ones do not change the result.
     let mut slow: Vec<f64> = speed_m_s.iter().copied().filter(|speed| *speed <= HELD_M_S).collect();
-    let is_held = speed_m_s.is_empty() || slow.len() > tenth;
-    let slow_m_s = match slow.len() > tenth {
-        true => *slow.select_nth_unstable_by(tenth, f64::total_cmp).1,
+    let rest_m_s = match slow.len() > tenth {
+        true => (4.0 * *slow.select_nth_unstable_by(tenth, f64::total_cmp).1).clamp(REST_M_S[0], REST_M_S[1]),
+        false if speed_m_s.is_empty() => REST_M_S[0],
         false => 0.0,
     };
-    let rest_m_s = if is_held { (4.0 * slow_m_s).clamp(REST_M_S[0], REST_M_S[1]) } else { 0.0 };
     [rest_m_s, rest_m_s + ABOVE_REST_M_S]
 }
 
