@@ -14,7 +14,7 @@ pub struct CacheLines<T>(pub T);
 /// `a b + c`, rounded once. On WebAssembly it is rounded twice: without an instruction for it, emulation would be a
 /// hundred times slower.
 #[inline(always)]
-pub fn mul_add(a: f64, b: f64, c: f64) -> f64 {
+pub(crate) fn mul_add(a: f64, b: f64, c: f64) -> f64 {
     if cfg!(target_family = "wasm") { a * b + c } else { a.mul_add(b, c) }
 }
 

@@ -345,10 +345,9 @@ fn kind(of: std::fs::FileType) -> &'static str {
 pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut file = open(path, max_bytes)?;
     // Exact if the file has this length and does not grow.
-    let length = length(&file.file)?.min(max_bytes);
+    let length = usize::try_from(length(&file.file)?.min(max_bytes)).unwrap_or(usize::MAX);
     let mut bytes = Vec::new();
-    let reserved = bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX));
-    reserved.map_err(|_| io::ErrorKind::OutOfMemory)?;
+    bytes.try_reserve_exact(length).map_err(|_| io::ErrorKind::OutOfMemory)?;
     file.read_to_end(&mut bytes)?;
     Ok(bytes)
 }
@@ -360,6 +359,11 @@ pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
 pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
     let not_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text");
     String::from_utf8(read(path, max_bytes)?).map_err(not_text)
+}
+
+/// Bytes, such as a hash, as hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The lines of a source without their ends, each of at most `max_bytes` bytes. A longer line is skipped and gives

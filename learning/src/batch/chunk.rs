@@ -162,7 +162,7 @@ impl Chunk {
                 haptograph: env!("CARGO_PKG_VERSION").to_owned(),
                 batch: batch.identity().to_owned(),
                 chunk: self.number,
-                sha256: hex(hash),
+                sha256: hex(&hash.finalize()),
             };
             let text = serde_json::to_string_pretty(&about)? + "\n";
             begin(&mut archive, ABOUT, text.len() as u64)?;
@@ -255,7 +255,7 @@ pub(super) fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, 
     if about.batch != identity || about.chunk != chunk {
         return Err(format!("it is chunk {} of another batch", about.chunk));
     }
-    let found = hex(hash);
+    let found = hex(&hash.finalize());
     match found == about.sha256 {
         true => Ok(found),
         false => Err("its content does not match its hash".to_owned()),

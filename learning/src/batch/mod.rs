@@ -26,16 +26,12 @@ pub use plan::{Batch, BatchSurface, Job};
 pub use problem::{PlanError, PlanProblem};
 pub use render::{RenderError, RenderSettings, Rendered, render};
 
+use haptograph_signal::files::hex;
 use sha2::{Digest, Sha256};
-
-/// A hash as hexadecimal digits.
-fn hex(hash: Sha256) -> String {
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
-}
 
 /// The SHA-256 hash of some bytes.
 fn hash(bytes: &[u8]) -> String {
-    hex(Sha256::new().chain_update(bytes))
+    hex(&Sha256::digest(bytes))
 }
 
 #[cfg(test)]

@@ -346,7 +346,7 @@ pub(super) fn identify(version: &str, plan: &str, inputs: &[Input]) -> String {
     for input in inputs {
         hash.update(format!("\n{} {} {}", input.kind, input.sha256, input.file));
     }
-    hex(hash)
+    hex(&hash.finalize())
 }
 
 /// Number of jobs of a plan's document for these numbers of surfaces and motions; `None` if it has a table.

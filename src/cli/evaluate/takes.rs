@@ -220,7 +220,7 @@ pub(crate) fn hash<'a>(
         hash.update(format!("{name} {}\n", bytes.len()));
         hash.update(bytes);
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(files::hex(&hash.finalize()))
 }
 
 #[cfg(test)]

@@ -96,7 +96,7 @@ fn hash(path: &Path) -> io::Result<String> {
             read => hasher.update(&chunk[..read]),
         }
     }
-    Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(files::hex(&hasher.finalize()))
 }
 
 #[cfg(test)]

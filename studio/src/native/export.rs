@@ -184,8 +184,7 @@ fn foreign(site: &Path, sha256: &Value) -> std::io::Result<Option<PathBuf>> {
 
 /// The SHA-256 hash of bytes, in hexadecimal digits.
 fn hash(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    files::hex(&Sha256::digest(bytes))
 }
 
 /// Loads a graph as the page does, and collects the files that it needs.

@@ -23,7 +23,6 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files::{self, Roots};
 use std::collections::HashMap;
-use std::fmt::Write as _;
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;
@@ -306,10 +305,7 @@ fn serve(
 fn token() -> Result<String, getrandom::Error> {
     let mut bytes = [0_u8; TOKEN_LETTERS / 2];
     getrandom::fill(&mut bytes)?;
-    Ok(bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    }))
+    Ok(files::hex(&bytes))
 }
 
 fn router(shared: Shared) -> Router {
