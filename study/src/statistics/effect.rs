@@ -1,7 +1,6 @@
 //! Sizes of differences within people, and tests that a difference is too small to matter.
 
 use super::distributions::{falling_root, noncentral_t_cdf, t_quantile, t_survival};
-use super::variance::squares_about;
 use super::{Estimate, StatisticsError, all_finite, at_least, is_probability, same_length};
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;
@@ -18,8 +17,6 @@ pub struct PairedEffect {
     pub difference: Estimate,
     /// Cohen's d_z: over the deviation of the differences. The interval is that of the noncentral t distribution.
     pub d_z: Estimate,
-    /// Cohen's d_av: over the root of the mean of both variances. The interval is that of Algina and Keselman (2003).
-    pub d_av: Estimate,
 }
 
 /// The size of the change from `first` to `second`, pair by pair.
@@ -42,15 +39,12 @@ pub fn paired_effect(
     let (reach, below) = (12.0 + 12.0 * t.abs() / (2.0 * df).sqrt(), |delta| noncentral_t_cdf(t, df, delta));
     let end = |level: f64| falling_root(t - reach, t + reach, |delta| below(delta) - level);
     let ends = (end(1.0 - tail), end(tail));
-    let scaled = |unit: f64| Estimate { value: t * unit, low: ends.0 * unit, high: ends.1 * unit };
-    let variances = [first, second].map(|values| squares_about(values, mean(values)) / df);
-    let spread = (0.5 * (variances[0] + variances[1])).sqrt();
+    let unit = sample.count.sqrt().recip();
     let half = t_quantile(1.0 - confidence, df) * sample.standard_error;
     Ok(PairedEffect {
         count: differences.len(),
         difference: Estimate { value: sample.mean, low: sample.mean - half, high: sample.mean + half },
-        d_z: scaled(sample.count.sqrt().recip()),
-        d_av: scaled(sample.standard_error / spread),
+        d_z: Estimate { value: t * unit, low: ends.0 * unit, high: ends.1 * unit },
     })
 }
 

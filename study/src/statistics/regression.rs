@@ -1,7 +1,6 @@
 //! Linear regression by least squares, and correlation.
 
 use super::distributions::{f_survival, normal_quantile, t_quantile, t_two_sided};
-use super::ranks::ranks;
 use super::variance::squares_about;
 use super::{Estimate, StatisticsError, all_finite, at_least, is_probability, same_length};
 use haptograph_signal::statistics::mean;
@@ -155,15 +154,7 @@ pub struct Correlation {
 /// The correlation of values, its p, and the interval of the given confidence.
 pub fn pearson(x: &[f64], y: &[f64], confidence: f64) -> Result<Correlation, StatisticsError> {
     let value = coefficient(x, y)?;
-    correlation(value, x.len(), 1.0, confidence)
-}
-
-/// The correlation of ranks; equal values have mean ranks. p is by t (R's `exact = FALSE`), the interval with the standard error
-/// of Bonett and Wright (2000).
-pub fn spearman(x: &[f64], y: &[f64], confidence: f64) -> Result<Correlation, StatisticsError> {
-    all_finite("values", x).and_then(|()| all_finite("values", y))?;
-    let value = coefficient(&ranks(x), &ranks(y))?;
-    correlation(value, x.len(), 1.0 + value * value / 2.0, confidence)
+    correlation(value, x.len(), confidence)
 }
 
 fn coefficient(x: &[f64], y: &[f64]) -> Result<f64, StatisticsError> {
@@ -185,12 +176,12 @@ fn coefficient(x: &[f64], y: &[f64]) -> Result<f64, StatisticsError> {
     Ok((x.dot(&y) / (x.norm() * y.norm())).clamp(-1.0, 1.0))
 }
 
-fn correlation(r: f64, count: usize, variance: f64, confidence: f64) -> Result<Correlation, StatisticsError> {
+fn correlation(r: f64, count: usize, confidence: f64) -> Result<Correlation, StatisticsError> {
     is_probability("confidence", confidence)?;
     let (n, df) = (count as f64, count as f64 - 2.0);
     let p = t_two_sided(r * (df / ((1.0 - r) * (1.0 + r))).sqrt(), df);
     let reach =
-        if count > 3 { normal_quantile(1.0 - confidence) * (variance / (n - 3.0)).sqrt() } else { f64::NAN };
+        if count > 3 { normal_quantile(1.0 - confidence) * (n - 3.0).sqrt().recip() } else { f64::NAN };
     let at = |sign: f64| if r.abs() < 1.0 { (r.atanh() + sign * reach).tanh() } else { r };
     Ok(Correlation { r: Estimate { value: r, low: at(-1.0), high: at(1.0) }, count, p })
 }

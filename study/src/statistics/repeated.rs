@@ -1,6 +1,6 @@
 //! Analysis of variance within people: every person answers in every condition.
 
-use super::distributions::{chi_squared_survival, f_survival};
+use super::distributions::f_survival;
 use super::tukey::{Comparison, tukey};
 use super::variance::{Residual, Term};
 use super::{StatisticsError, at_least, complete};
@@ -18,9 +18,6 @@ pub struct WithinTerm {
     pub epsilon: f64,
     /// p with both degrees of freedom times epsilon.
     pub p_corrected: f64,
-    /// Mauchly's (1940) test of sphericity: W and its p by Box's approximation. `None` for one degree of freedom, for too few
-    /// people, and where conditions depend on each other.
-    pub mauchly: Option<(f64, f64)>,
 }
 
 /// One factor within people.
@@ -118,27 +115,7 @@ fn within(table: &DMatrix<f64>, contrasts: &DMatrix<f64>) -> Result<WithinTerm, 
     let spread = if size > rounding * rounding * people * df { size } else { 0.0 };
     let error = Residual::new(spread, (people - 1.0) * df)?;
     let effect = error.term(people * means.norm_squared(), df)?;
-    let epsilon = ((products.clone() / size).norm_squared() * df).recip().clamp(1.0 / df, 1.0);
+    let epsilon = ((products / size).norm_squared() * df).recip().clamp(1.0 / df, 1.0);
     let p_corrected = f_survival(effect.f, epsilon * df, epsilon * error.df);
-    Ok(WithinTerm { effect, error, epsilon, p_corrected, mauchly: mauchly(products / size, people - 1.0) })
-}
-
-/// Mauchly's W of the covariance of contrasts (given over its trace), and p by Box's (1949) series. R 4.2's `mauchly.test` has
-/// the number of conditions in place of that of contrasts in one term of the second order.
-fn mauchly(products: DMatrix<f64>, df: f64) -> Option<(f64, f64)> {
-    let p = products.ncols() as f64;
-    if p < 2.0 || df < p {
-        return None;
-    }
-    let w = (products * p).determinant();
-    let rho = 1.0 - (2.0 * p * p + p + 2.0) / (6.0 * p * df);
-    if w.is_nan() || w <= 1e-14 || rho <= 0.0 {
-        return None;
-    }
-    let second = (p + 2.0) * (p - 1.0) * (p - 2.0) * (2.0 * p.powi(3) + 6.0 * p * p + 3.0 * p + 2.0)
-        / (288.0 * (df * p * rho).powi(2));
-    let z = -df * rho * w.ln();
-    let freedom = p * (p + 1.0) / 2.0 - 1.0;
-    let (first, next) = (chi_squared_survival(z, freedom), chi_squared_survival(z, freedom + 4.0));
-    Some((w.min(1.0), (first + second * (next - first)).clamp(0.0, 1.0)))
+    Ok(WithinTerm { effect, error, epsilon, p_corrected })
 }

@@ -23,11 +23,6 @@ pub fn survival(q: f64, groups: usize, df: f64) -> f64 {
     chi_nodes(df).iter().map(|(s, weight)| weight * range_survival(q * s, groups)).sum::<f64>().min(1.0)
 }
 
-/// P(Q <= q); see [`survival`].
-pub fn cdf(q: f64, groups: usize, df: f64) -> f64 {
-    1.0 - survival(q, groups, df)
-}
-
 /// The q with P(Q >= q) = `alpha`. NaN unless `alpha` lies between 0 and 1 and the rest is as in [`survival`].
 pub fn quantile(alpha: f64, groups: usize, df: f64) -> f64 {
     let gap = |q: f64| (survival(q, groups, df) / alpha).ln();

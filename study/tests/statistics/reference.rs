@@ -5,7 +5,7 @@ use haptograph_study::statistics::anova::{OneWay, Term, one_way, two_way};
 use haptograph_study::statistics::effect::{equivalence, paired_effect};
 use haptograph_study::statistics::psychometric::{Block, FitSettings, Shape, fit};
 use haptograph_study::statistics::ranks::{friedman, holm, wilcoxon};
-use haptograph_study::statistics::regression::{correlation_matrix, pearson, regress, spearman};
+use haptograph_study::statistics::regression::{correlation_matrix, pearson, regress};
 use haptograph_study::statistics::repeated::{self, WithinTerm};
 use haptograph_study::statistics::space::perceptual_space;
 use haptograph_study::statistics::{studentized_range, tukey};
@@ -119,9 +119,6 @@ fn same_within(r: &Reference, name: &str, term: &WithinTerm) {
     r.same_term(name, &term.effect);
     r.same(&format!("{name}.epsilon"), term.epsilon);
     r.same(&format!("{name}.gg_p"), term.p_corrected);
-    let (w, p) = term.mauchly.unwrap();
-    r.same(&format!("{name}.mauchly.0"), w);
-    r.same(&format!("{name}.mauchly.1"), p);
 }
 
 #[test]
@@ -157,7 +154,7 @@ fn the_studentized_range_is_rs() {
         let last = |i: usize| fields[fields.len() - i].parse::<usize>().unwrap();
         if fields[0] == "ptukey" {
             let q: f64 = fields[1..fields.len() - 2].join(".").parse().unwrap();
-            let found = studentized_range::cdf(q, last(2), last(1) as f64);
+            let found = 1.0 - studentized_range::survival(q, last(2), last(1) as f64);
             assert!((found - value).abs() < 1e-9, "{name}: {found}, R {value}");
         } else if fields[0] == "qtukey" {
             r.same(name, studentized_range::quantile(0.05, last(2), last(1) as f64));
@@ -165,7 +162,7 @@ fn the_studentized_range_is_rs() {
     }
     // Two groups are a t test, which for two degrees of freedom is algebra: R 4.2's `ptukey` is 7e-6 off here.
     let t = 0.5 / 2_f64.sqrt();
-    assert!((studentized_range::cdf(0.5, 2, 2.0) - t / (2.0 + t * t).sqrt()).abs() < 1e-10);
+    assert!((1.0 - studentized_range::survival(0.5, 2, 2.0) - t / (2.0 + t * t).sqrt()).abs() < 1e-10);
 }
 
 /// Against quadrature of the same integrals in numbers of 20 digits (mpmath 1.3).
@@ -230,9 +227,6 @@ fn regression_and_correlation_are_rs() {
     r.same("pearson.interval.0", found.r.low);
     r.same("pearson.interval.1", found.r.high);
     assert_eq!(correlation_matrix(&columns, 0.95).unwrap()[0][3], found);
-    let found = spearman(&columns[0], &columns[3], 0.95).unwrap();
-    r.same("spearman.0", found.r.value);
-    r.same("spearman.1", found.p);
 }
 
 #[test]
