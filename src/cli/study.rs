@@ -1,18 +1,17 @@
 //! `haptograph study`: studies with people.
 
 use super::interrupt;
+use super::placing::{Force, RunFolder};
 use super::progress::Progress;
 use super::result::{CommandResult, show};
 use super::table::{significant, table};
 use super::{Failure, print};
 use crate::engine::registry::Registry;
-use crate::signal::files::write_atomically;
 use clap::Subcommand;
 use haptograph_study::analyse::Analysis;
 use haptograph_study::check::{Checked, StudyError};
-use haptograph_study::data::{DataError, Folder};
-use haptograph_study::order::Trial;
-use haptograph_study::people::{Motion, People};
+use haptograph_study::data::{DataError, Folder, Row, Status};
+use haptograph_study::people::{People, codes};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -130,54 +129,52 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
         Command::Check { study, json } => check(&study.load()?, registry, *json),
         Command::Plan { study, participant, group, json } => {
             let study = study.load()?;
+            study.check_code(participant).map_err(Failure::message)?;
             let group = match group {
                 None => 0,
                 Some(name) => group_of(&study, name)?,
             };
-            show(&Plan::new(&study, participant, group), *json)
+            let trials = study.study.trials(participant, group);
+            let trials = trials.iter().map(|trial| study.row(trial)).collect();
+            let group = study.study.group_name(group).to_owned();
+            show(&Plan { group, participant: participant.clone(), trials }, *json)
         }
         Command::Simulate { study, people, model, longest, without_motion, output, json } => {
             let checked = study.load()?;
             let model = match model {
                 None => People::indifferent(),
-                Some(path) => People::load(path).map_err(failure)?,
+                Some(path) => People::load(path, &checked).map_err(failure)?,
             };
-            let motion =
-                if *without_motion { Motion::None } else { Motion::Simulated { longest_s: *longest } };
+            let longest_s = (!without_motion).then_some(*longest);
             let output = output.clone().unwrap_or_else(|| {
-                let name =
-                    study.study.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
+                let name = study.study.file_stem().unwrap_or_default().to_string_lossy();
                 Path::new("out").join(format!("{name}-simulated"))
             });
-            simulate((&checked, registry), (&model, motion), *people, &output, *json)
+            simulate((&checked, registry), (&model, longest_s), *people, &output, *json)
         }
         Command::Analyse { folder, json } => {
             let folder = Folder::existing(folder).map_err(Failure::message)?;
             let study = folder.study().map_err(Failure::message)?;
             let analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
             let output = folder.path().join("analysis");
-            super::make_folder(&output)?;
+            let tables = RunFolder::beside(&output)?;
             for (name, table) in analysis.tables().map_err(Failure::message)? {
-                let path = output.join(name);
-                match table.is_empty() {
-                    // One of an analysis before.
-                    true => drop(std::fs::remove_file(&path)),
-                    false => write_atomically(&path, &table).map_err(Failure::doing("write", &path))?,
-                }
+                tables.write(name, &table)?;
             }
+            tables.commit(&[], Force::default())?;
             show(&Analysed { analysis, output }, *json)
         }
         Command::Remove { folder, participant } => {
             let folder = Folder::existing(folder).map_err(Failure::message)?;
-            let removed = folder.remove(participant).map_err(Failure::message)?;
-            print(&(removed + "\n"))
+            print(&(folder.remove(participant).map_err(Failure::message)? + "\n"))
         }
     }
 }
 
 fn group_of(study: &Checked, name: &str) -> Result<usize, Failure> {
-    study.study.groups.find(name).ok_or_else(|| {
-        let known: Vec<&str> = study.study.groups.0.iter().map(|(name, _)| name.text.as_str()).collect();
+    let known: Vec<&str> =
+        (0..study.study.group_count()).map(|group| study.study.group_name(group)).collect();
+    known.iter().position(|known| *known == name).ok_or_else(|| {
         Failure::Message(format!("the study has no group `{name}`; it has {}", known.join(", ")))
     })
 }
@@ -202,6 +199,8 @@ struct GroupOf {
 #[derive(Serialize)]
 struct PhaseOf {
     kind: &'static str,
+    /// Surfaces without what is presented of others.
+    lacking: Vec<String>,
     phase: String,
     training: usize,
     trials: usize,
@@ -209,11 +208,12 @@ struct PhaseOf {
 
 fn check(study: &Checked, registry: &Registry, json: bool) -> Result<(), Failure> {
     study.check_graph(registry).map_err(failure)?;
-    let groups = (0..study.study.groups.0.len().max(1)).map(|group| {
+    let groups = (0..study.study.group_count()).map(|group| {
         let trials = study.study.trials("1", group);
         let of_phase = |number: usize| trials.iter().filter(move |trial| trial.phase == number);
         let phases = study.study.phases.0.iter().enumerate().map(|(number, (name, phase))| PhaseOf {
             kind: phase.kind(),
+            lacking: study.study.lacking(phase).into_iter().map(str::to_owned).collect(),
             phase: name.text.clone(),
             training: of_phase(number).filter(|trial| trial.is_training).count(),
             trials: of_phase(number).filter(|trial| !trial.is_training).count(),
@@ -235,76 +235,49 @@ impl CommandResult for CheckedStudy {
         for group in &self.groups {
             let people = group.people.map_or_else(String::new, |people| format!(", {people} people"));
             text += &format!("group {}{people}: {} trials each\n", group.group, group.trials);
-            for PhaseOf { kind, phase, training, trials } in &group.phases {
+            for PhaseOf { kind, lacking, phase, training, trials } in &group.phases {
                 let training = if *training > 0 { format!(", {training} training") } else { String::new() };
                 text += &format!("  {phase}: {kind}, {trials} trials{training}\n");
+                if !lacking.is_empty() {
+                    let names = lacking.join(", ");
+                    text += &format!("    without a `sample` or a `file` that others have: {names}\n");
+                }
             }
             if let Some(rows) = group.balanced_by {
-                let is_balanced = group.people.is_some_and(|people| (people as usize).is_multiple_of(rows));
-                let verdict = if is_balanced { "balanced" } else { "not balanced" };
-                text += &format!("  Latin squares: {verdict}; {rows} people or a multiple balance them\n");
+                let verdict = match group.people {
+                    None => "balanced by",
+                    Some(people) if (people as usize).is_multiple_of(rows) => "balanced:",
+                    Some(_) => "not balanced:",
+                };
+                text += &format!("  Latin squares: {verdict} {rows} people or a multiple\n");
             }
         }
         text
     }
 }
 
-/// The trials of a participant.
+/// The trials of a participant, with the columns of `trials.csv`.
 #[derive(Serialize)]
 struct Plan {
     group: String,
     participant: String,
-    trials: Vec<PlannedTrial>,
-}
-
-#[derive(Serialize)]
-struct PlannedTrial {
-    first: String,
-    is_swapped: bool,
-    is_training: bool,
-    level: Option<f64>,
-    number: u32,
-    phase: String,
-    scale: String,
-    second: String,
-}
-
-impl Plan {
-    fn new(study: &Checked, participant: &str, group: usize) -> Self {
-        let trials = study.study.trials(participant, group);
-        let planned = |trial: &Trial| {
-            let row = study.row(trial);
-            let name = |of: Option<_>| of.map_or_else(String::new, |of| study.name(of));
-            PlannedTrial {
-                first: name(trial.first),
-                is_swapped: trial.is_swapped,
-                is_training: trial.is_training,
-                level: trial.level,
-                number: trial.number,
-                phase: row.phase,
-                scale: row.scale,
-                second: name(trial.second),
-            }
-        };
-        Self {
-            group: study.study.group_name(group).to_owned(),
-            participant: participant.to_owned(),
-            trials: trials.iter().map(planned).collect(),
-        }
-    }
+    trials: Vec<Row>,
 }
 
 impl CommandResult for Plan {
     fn text(&self) -> String {
-        let row = |trial: &PlannedTrial| {
-            let (mut first, mut second) = (trial.first.clone(), trial.second.clone());
-            if trial.is_swapped {
-                (first, second) = (second, first);
-            }
+        let name = |surface: &str, version: &str| match surface {
+            "" => String::new(),
+            _ => format!("{surface}, {version}"),
+        };
+        let row = |trial: &Row| {
+            let first = name(&trial.first_surface, &trial.first_version);
+            let second = name(&trial.second_surface, &trial.second_version);
+            let swapped = trial.second_is_left_or_earlier;
+            let [left, right] = if swapped { [second, first] } else { [first, second] };
             let level = trial.level.map_or_else(String::new, |level| significant(level, 4));
-            let training = if trial.is_training { " (training)" } else { "" };
-            let (phase, scale) = (format!("{}{training}", trial.phase), trial.scale.clone());
-            vec![trial.number.to_string(), phase, scale, first, second, level]
+            let phase = format!("{}{}", trial.phase, if trial.training { " (training)" } else { "" });
+            vec![trial.trial.to_string(), phase, trial.scale.clone(), left, right, level]
         };
         let rows: Vec<Vec<String>> = self.trials.iter().map(row).collect();
         let header = ["trial", "phase", "scale or question", "left, first", "right, second", "level"];
@@ -317,6 +290,8 @@ impl CommandResult for Plan {
 #[derive(Serialize)]
 struct Simulated {
     folder: PathBuf,
+    /// Trials whose conditions were not reached.
+    forced: usize,
     participants: usize,
     /// True everywhere in the folder too.
     simulated: bool,
@@ -325,21 +300,22 @@ struct Simulated {
 
 fn simulate(
     (study, registry): (&Checked, &Registry),
-    (people, motion): (&People, Motion),
+    (people, longest_s): (&People, Option<f64>),
     count: Option<u32>,
     output: &Path,
     json: bool,
 ) -> Result<(), Failure> {
-    study.check_graph(registry).and_then(|()| people.check(study)).map_err(failure)?;
-    let folder = Folder::open(output, study, true).map_err(Failure::message)?;
-    let groups = study.study.groups.0.len().max(1);
+    study.check_graph(registry).map_err(failure)?;
+    let folder =
+        Folder::open(output, &study.identity(Some(people.parameters()))).map_err(Failure::message)?;
+    let groups = study.study.group_count();
     let usual = |group: usize| study.study.groups.0.get(group).map_or(12, |(_, people)| *people);
     let size = |group: usize| count.unwrap_or_else(|| usual(group)) as usize;
     let all: usize = (0..groups).map(size).sum();
-    let mut codes = Folder::codes(all);
+    let mut codes = codes(all);
     let progress = Progress::of("simulating");
     let stop = interrupt::flag()?;
-    let (mut trials, mut participants) = (0, 0);
+    let (mut trials, mut participants, mut forced) = (0, 0, 0);
     for group in 0..groups {
         for code in codes.by_ref().take(size(group)) {
             let name = study.study.group_name(group);
@@ -352,28 +328,34 @@ fn simulate(
                     return Err(Failure::Interrupted);
                 }
                 let done =
-                    study.simulate(registry, (&mut claim, group), people, motion, 1).map_err(failure)?;
+                    study.simulate(registry, (&mut claim, group), people, longest_s, 1).map_err(failure)?;
                 trials += done;
                 if done == 0 {
                     break;
                 }
             }
             participants += 1;
+            forced += claim.rows().iter().filter(|row| row.status == Status::Forced).count();
             progress.at(participants as f64 / all as f64);
         }
     }
     drop(progress);
-    show(&Simulated { folder: output.to_path_buf(), participants, simulated: true, trials }, json)
+    show(&Simulated { forced, folder: output.to_path_buf(), participants, simulated: true, trials }, json)
 }
 
 impl CommandResult for Simulated {
     fn text(&self) -> String {
-        format!(
-            "simulated {} people: {} trials in {}\n",
-            self.participants,
-            self.trials,
-            self.folder.display()
-        )
+        let folder = self.folder.display();
+        let forced = match self.forced {
+            0 => String::new(),
+            forced => format!("{forced} trials did not reach their conditions and are marked `forced`\n"),
+        };
+        match self.trials {
+            0 => format!("nothing was left to simulate in {folder}\n{forced}"),
+            trials => {
+                format!("simulated {} people: {trials} trials in {folder}\n{forced}", self.participants)
+            }
+        }
     }
 }
 
@@ -388,8 +370,6 @@ struct Analysed {
 impl CommandResult for Analysed {
     fn text(&self) -> String {
         let of = &self.analysis;
-        let number = |value: f64| significant(value, 3);
-        let maybe = |value: Option<f64>| value.map_or_else(String::new, number);
         let mut text = if of.simulated { "simulated people\n".to_owned() } else { String::new() };
         if !of.means.is_empty() {
             let rows = of.means.iter().map(|row| {
@@ -405,24 +385,35 @@ impl CommandResult for Analysed {
         }
         if !of.variance.is_empty() {
             let rows = of.variance.iter().map(|row| {
-                let df = format!(
-                    "{}{}",
-                    number(row.df),
-                    row.residual_df.map_or_else(String::new, |df| format!(", {}", number(df)))
-                );
-                let names = [
-                    row.phase.clone(),
-                    row.scale.clone(),
-                    row.of.clone(),
-                    row.test.to_owned(),
-                    row.term.to_owned(),
-                ];
-                let corrected = maybe(row.p_greenhouse_geisser);
-                names.into_iter().chain([df, number(row.f), number(row.p), corrected]).collect()
+                let residual_df = row.residual_df.map_or_else(String::new, |df| format!(", {}", number(df)));
+                let df = number(row.df) + &residual_df;
+                let names = [row.phase.clone(), row.of.clone(), row.test.to_owned(), row.term.to_owned()];
+                let sizes = [row.p_greenhouse_geisser, row.partial_eta_squared].map(maybe);
+                names.into_iter().chain([df, number(row.f), number(row.p)]).chain(sizes).collect()
             });
-            let header = ["phase", "scale", "surface", "test", "term", "df", "F or chi2", "p", "p (GG)"];
+            let header = [
+                "phase",
+                "scale or surface",
+                "test",
+                "term",
+                "df",
+                "F or chi2",
+                "p",
+                "p (GG)",
+                "partial eta2",
+            ];
             text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
         }
+        text += &self.fits();
+        of.left_out.iter().for_each(|why| text += &format!("not computed: {why}\n"));
+        text + &format!("wrote {}\n", self.output.display())
+    }
+}
+
+impl Analysed {
+    /// Thresholds, maps and relations, one a line.
+    fn fits(&self) -> String {
+        let (of, mut text) = (&self.analysis, String::new());
         for row in &of.thresholds {
             let whose = if row.participant.is_empty() { "all" } else { &row.participant };
             let (threshold, low, high) = (number(row.threshold), number(row.low), number(row.high));
@@ -440,7 +431,25 @@ impl CommandResult for Analysed {
                 number(row.r_squared)
             );
         }
-        of.left_out.iter().for_each(|why| text += &format!("not computed: {why}\n"));
-        text + &format!("wrote {}\n", self.output.display())
+        for row in &of.relations {
+            let (value, low, high) = (number(row.value), number(row.low), number(row.high));
+            let (of, with) = (&row.of, &row.with);
+            text += &format!(
+                "{}, {}: {of} and {with}: {value} ({low} to {high}), p {}\n",
+                row.phase,
+                row.kind,
+                number(row.p)
+            );
+        }
+        text
     }
+}
+
+/// A number of three digits.
+fn number(value: f64) -> String {
+    significant(value, 3)
+}
+
+fn maybe(value: Option<f64>) -> String {
+    value.map_or_else(String::new, number)
 }

@@ -88,7 +88,7 @@ impl CommandResult for Published {
             let rows = rows.iter().map(|row| keys.iter().map(|key| cell(&row[*key])).collect());
             return table(&keys, &rows.collect::<Vec<_>>());
         }
-        let is_shown = |key: &str| !["columns", "rows", "labels", "values", "lines"].contains(&key);
+        let is_shown = |key: &str| !["columns", "rows", "labels", "values"].contains(&key);
         let rest = self.0.as_object().into_iter().flatten().filter(|(key, _)| is_shown(key));
         let rest: Vec<(&str, String)> = rest.map(|(key, value)| (key.as_str(), cell(value))).collect();
         let labels = texts(&self.0["labels"]);

@@ -1,15 +1,17 @@
 //! The analysis that a study's phases ask for, with two tests side by side: as in the thesis, with participants as replicates, and
 //! with repeated measures, each participant against themselves.
 
-use crate::data::{Folder, Row};
+use crate::data::{Folder, Row, lines};
 use crate::document::{End, Phase, Study};
+use crate::statistics::Estimate;
 use crate::statistics::anova::{self, Term, centred_by_person, columns};
+use crate::statistics::effect::{equivalence, paired_effect};
 use crate::statistics::psychometric::{Block, FitSettings, fit};
 use crate::statistics::ranks::{friedman, wilcoxon_pairs};
 use crate::statistics::regression::{correlation_matrix, regress};
 use crate::statistics::repeated::{self, WithinTerm};
 use crate::statistics::space::perceptual_space;
-use crate::statistics::tukey::{Comparison, tukey};
+use crate::statistics::tukey::Comparison;
 use haptograph_engine::document::value::Name;
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;
@@ -25,18 +27,20 @@ const DIMENSIONS: (usize, usize) = (3, 6);
 #[allow(missing_docs)] // named as in the tables of R
 pub struct VarianceRow {
     pub phase: String,
-    pub scale: String,
     pub test: &'static str,
+    /// The scale of ratings; the surface of comparisons.
     pub of: String,
     pub term: &'static str,
-    pub ss: Option<f64>,
     pub df: f64,
     pub residual_df: Option<f64>,
     /// Chi squared in a test of ranks.
     pub f: f64,
     pub p: f64,
     pub p_greenhouse_geisser: Option<f64>,
+    /// With its 90 % interval, which excludes zero just where p is below 0.05.
     pub partial_eta_squared: Option<f64>,
+    pub eta_low: Option<f64>,
+    pub eta_high: Option<f64>,
 }
 
 /// A comparison of two versions of a surface.
@@ -52,6 +56,10 @@ pub struct ComparisonRow {
     pub low: Option<f64>,
     pub high: Option<f64>,
     pub p: f64,
+    /// Cohen's d of the differences, with its 95 % interval, beside the test of repeated measures.
+    pub d_z: Option<f64>,
+    pub d_z_low: Option<f64>,
+    pub d_z_high: Option<f64>,
 }
 
 /// The mean of a stimulus on a scale.
@@ -236,7 +244,6 @@ fn distinct(rows: &[&Row], of: impl Fn(&Row) -> &String) -> Vec<String> {
 #[derive(Clone, Copy)]
 struct Of<'a> {
     phase: &'a str,
-    scale: &'a str,
     of: &'a str,
 }
 
@@ -244,23 +251,41 @@ impl Of<'_> {
     fn row(&self, test: &'static str, term: &'static str, effect: &Term, residual_df: f64) -> VarianceRow {
         VarianceRow {
             phase: self.phase.to_owned(),
-            scale: self.scale.to_owned(),
             test,
             of: self.of.to_owned(),
             term,
-            ss: Some(effect.ss),
             df: effect.df,
             residual_df: Some(residual_df),
             f: effect.f,
             p: effect.p,
             p_greenhouse_geisser: None,
             partial_eta_squared: Some(effect.partial_eta_squared),
+            eta_low: effect.partial_eta_squared_90.map(|(low, _)| low),
+            eta_high: effect.partial_eta_squared_90.map(|(_, high)| high),
         }
     }
 
     fn within(&self, term: &'static str, within: &WithinTerm) -> VarianceRow {
         let row = self.row(REPEATED, term, &within.effect, within.error.df);
         VarianceRow { p_greenhouse_geisser: Some(within.p_corrected), ..row }
+    }
+}
+
+impl RelationRow {
+    fn new((phase, kind): (&str, &'static str), (of, with): (&str, &str), value: Estimate, p: f64) -> Self {
+        let [phase, of, with] = [phase, of, with].map(str::to_owned);
+        let Estimate { value, low, high } = value;
+        Self { phase, kind, of, with, value, low, high, p, count: 0, r_squared: None }
+    }
+}
+
+impl ComparisonRow {
+    /// A row without a difference.
+    fn new(of: &Of<'_>, test: &'static str, (from, to): (String, String), p: f64) -> Self {
+        let (phase, surface) = (of.phase.to_owned(), of.of.to_owned());
+        let (difference, low, high) = (None, None, None);
+        let (d_z, d_z_low, d_z_high) = (None, None, None);
+        Self { phase, test, surface, from, to, difference, low, high, p, d_z, d_z_low, d_z_high }
     }
 }
 
@@ -290,7 +315,7 @@ impl Analysis {
                     let versions = study.some_versions(&compare.versions);
                     let first = versions.first().map_or("", |version| study.version_name(*version));
                     let reference = compare.reference.as_ref().map_or(first, |name| &name.text);
-                    analysis.compare(&name.text, reference, &of_phase);
+                    analysis.compare(&name.text, (reference, compare.same_within), &of_phase);
                 }
                 Phase::Pairs(pairs) => {
                     // Of several phases of ratings the last.
@@ -300,7 +325,11 @@ impl Analysis {
                     analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
                 }
                 Phase::ConstantStimuli(_) | Phase::Staircase(_) => {
-                    analysis.thresholds(&name.text, phase.standard().unwrap_or(0.0), &of_phase);
+                    analysis.thresholds(
+                        &name.text,
+                        phase.varied().map_or(0.0, |(.., standard)| standard),
+                        &of_phase,
+                    );
                 }
                 Phase::Practice(_) | Phase::Explore(_) | Phase::Questions(_) => {}
             }
@@ -371,18 +400,9 @@ impl Analysis {
             for (a, of) in names.iter().enumerate() {
                 for (b, with) in names.iter().enumerate().skip(a + 1) {
                     let Some(found) = matrix.get(a).and_then(|row| row.get(b)) else { continue };
-                    self.relations.push(RelationRow {
-                        phase: phase.to_owned(),
-                        kind: "correlation",
-                        of: of.clone(),
-                        with: with.clone(),
-                        value: found.r.value,
-                        low: found.r.low,
-                        high: found.r.high,
-                        p: found.p,
-                        count: found.count,
-                        r_squared: Some(found.r.value * found.r.value),
-                    });
+                    let r_squared = Some(found.r.value * found.r.value);
+                    let row = RelationRow::new((phase, "correlation"), (of, with), found.r, found.p);
+                    self.relations.push(RelationRow { count: found.count, r_squared, ..row });
                 }
             }
         }
@@ -391,7 +411,7 @@ impl Analysis {
     fn variance_of(&mut self, phase: &str, scale: &str, ratings: &Ratings) {
         let (surfaces, versions) = ratings.factors();
         let table = ratings.complete();
-        let of = Of { phase, scale, of: "" };
+        let of = Of { phase, of: scale };
         let what = format!("variance of {phase}, {scale}");
         match (surfaces.len(), versions.len()) {
             (2.., 2..) => {
@@ -428,63 +448,64 @@ impl Analysis {
     }
 
     /// Comparisons with the real surface: the versions of each surface against one another.
-    fn compare(&mut self, phase: &str, reference: &str, rows: &[&Row]) {
+    fn compare(&mut self, phase: &str, (reference, same_within): (&str, Option<f64>), rows: &[&Row]) {
         let all = Ratings::of(rows, |row| (row.second_surface.clone(), row.second_version.clone()));
         let scale = rows.first().map_or("", |row| &row.scale);
         self.means(phase, scale, &all, Some(reference));
         for surface in all.factors().0 {
             let ratings = all.select(|(of, _)| *of == surface);
             let (table, versions) = (ratings.complete(), ratings.factors().1);
-            let of = Of { phase, scale, of: &surface };
+            let of = Of { phase, of: &surface };
             let what = format!("{phase}, {surface}");
             for (test, table) in [(THESIS, centred_by_person(&table)), (RAW, table.clone())] {
                 let groups = columns(&table);
                 let Some(one) = self.keep(&what, anova::one_way(&groups)) else { continue };
                 self.variance.push(of.row(test, "version", &one.effect, one.residual.df));
-                let pairs = tukey(&one.means, &one.counts, &one.residual, CONFIDENCE);
-                self.compared(&of, test, &versions, pairs);
+                self.compared(&of, test, &versions, one.tukey(CONFIDENCE), &[]);
             }
             if let Some(one) = self.keep(&what, repeated::one_way(&table)) {
                 self.variance.push(of.within("version", &one.term));
-                let counts = vec![one.people; one.means.len()];
-                self.compared(
-                    &of,
-                    REPEATED,
-                    &versions,
-                    tukey(&one.means, &counts, &one.term.error, CONFIDENCE),
-                );
+                self.compared(&of, REPEATED, &versions, one.tukey(CONFIDENCE), &table);
             }
             if let Some(ranks) = self.keep(&what, friedman(&table)) {
                 self.variance.push(VarianceRow {
                     phase: phase.to_owned(),
-                    scale: scale.to_owned(),
                     test: RANKS,
                     of: surface.clone(),
                     term: "version",
-                    ss: None,
                     df: ranks.df,
                     residual_df: None,
                     f: ranks.chi_squared,
                     p: ranks.p,
                     p_greenhouse_geisser: None,
                     partial_eta_squared: None,
+                    eta_low: None,
+                    eta_high: None,
                 });
             }
             for pair in self.keep(&what, wilcoxon_pairs(&table)).unwrap_or_default() {
                 let (from, to) = (versions[pair.from].clone(), versions[pair.to].clone());
-                let (phase, surface) = (phase.to_owned(), surface.clone());
-                let (difference, low, high, test) = (None, None, None, RANKS);
-                self.comparisons.push(ComparisonRow {
-                    phase,
-                    test,
-                    surface,
-                    from,
-                    to,
-                    difference,
-                    low,
-                    high,
-                    p: pair.p_holm,
-                });
+                let row = ComparisonRow::new(&of, RANKS, (from, to), pair.p_holm);
+                self.comparisons.push(row);
+            }
+            self.equivalent(&of, &versions, &table, same_within);
+        }
+    }
+
+    /// Tests that versions differ by less than a bound.
+    fn equivalent(&mut self, of: &Of<'_>, versions: &[String], table: &[Vec<f64>], same_within: Option<f64>) {
+        let Some(bound) = same_within else { return };
+        for to in 0..versions.len() {
+            for from in 0..to {
+                let differences: Vec<f64> = table.iter().map(|row| row[to] - row[from]).collect();
+                let names = [from, to].map(|version| format!("{}, {}", of.of, versions[version]));
+                let what = format!("{}: whether {} and {} are the same", of.phase, names[0], names[1]);
+                let Some(test) = self.keep(&what, equivalence(&differences, (-bound, bound), 0.05)) else {
+                    continue;
+                };
+                let kind = "equivalence within `same_within` (two one-sided tests; interval of 90 %)";
+                let row = RelationRow::new((of.phase, kind), (&names[0], &names[1]), test.mean, test.p);
+                self.relations.push(RelationRow { count: differences.len(), ..row });
             }
         }
     }
@@ -495,18 +516,26 @@ impl Analysis {
         test: &'static str,
         versions: &[String],
         pairs: Result<Vec<Comparison>, E>,
+        table: &[Vec<f64>],
     ) {
+        let columns = columns(table);
+        let effect = |pair: &Comparison| {
+            let (from, to) = (columns.get(pair.from)?, columns.get(pair.to)?);
+            paired_effect(from, to, CONFIDENCE).ok().map(|effect| effect.d_z)
+        };
         let pairs = self.keep(&format!("{}, {}", of.phase, of.of), pairs).unwrap_or_default();
-        self.comparisons.extend(pairs.into_iter().map(|pair| ComparisonRow {
-            phase: of.phase.to_owned(),
-            test,
-            surface: of.of.to_owned(),
-            from: versions[pair.from].clone(),
-            to: versions[pair.to].clone(),
-            difference: Some(pair.difference),
-            low: Some(pair.low),
-            high: Some(pair.high),
-            p: pair.p,
+        self.comparisons.extend(pairs.into_iter().map(|pair| {
+            let d_z = effect(&pair);
+            let names = (versions[pair.from].clone(), versions[pair.to].clone());
+            ComparisonRow {
+                difference: Some(pair.difference),
+                low: Some(pair.low),
+                high: Some(pair.high),
+                d_z: d_z.map(|d| d.value),
+                d_z_low: d_z.map(|d| d.low),
+                d_z_high: d_z.map(|d| d.high),
+                ..ComparisonRow::new(of, test, names, pair.p)
+            }
         }));
     }
 
@@ -605,18 +634,10 @@ impl Analysis {
         let found = regress(&differences, dissimilarities, false);
         let Some(found) = self.keep(&format!("regression of {phase}"), found) else { return };
         for (scale, coefficient) in scales.into_iter().zip(&found.coefficients) {
-            self.relations.push(RelationRow {
-                phase: phase.to_owned(),
-                kind: "regression of dissimilarity on differences of ratings (Eq. 3.3.1)",
-                of: "dissimilarity".to_owned(),
-                with: scale,
-                value: coefficient.estimate.value,
-                low: coefficient.estimate.low,
-                high: coefficient.estimate.high,
-                p: coefficient.p,
-                count: pairs.len(),
-                r_squared: Some(found.r_squared),
-            });
+            let kind = "regression of dissimilarity on differences of ratings (Eq. 3.3.1)";
+            let (names, r_squared) = (("dissimilarity", &*scale), Some(found.r_squared));
+            let row = RelationRow::new((phase, kind), names, coefficient.estimate, coefficient.p);
+            self.relations.push(RelationRow { count: pairs.len(), r_squared, ..row });
         }
     }
 
@@ -654,25 +675,26 @@ impl Analysis {
         }
     }
 
-    /// The tables as (name, CSV); empty where there is nothing.
+    /// The tables that are not empty, as (name, CSV).
     ///
     /// # Errors
     /// If a table cannot be written.
-    pub fn tables(&self) -> Result<Vec<(&'static str, Vec<u8>)>, csv::Error> {
-        fn table<T: Serialize>(rows: &[T]) -> Result<Vec<u8>, csv::Error> {
-            let mut writer = csv::Writer::from_writer(Vec::new());
-            rows.iter().try_for_each(|row| writer.serialize(row))?;
-            writer.into_inner().map_err(|error| error.into_error().into())
-        }
+    pub fn tables(&self) -> Result<Vec<(&'static str, String)>, csv::Error> {
+        // The last column of each: a table may be read without its folder.
+        let table = |lines: Vec<u8>| -> String {
+            let (text, simulated) = (String::from_utf8_lossy(&lines), self.simulated.to_string());
+            let labels = std::iter::once("simulated").chain(std::iter::repeat(simulated.as_str()));
+            text.lines().zip(labels).map(|(line, label)| format!("{line},{label}\n")).collect()
+        };
         let all = vec![
-            ("means.csv", table(&self.means)?),
-            ("variance.csv", table(&self.variance)?),
-            ("comparisons.csv", table(&self.comparisons)?),
-            ("relations.csv", table(&self.relations)?),
-            ("places.csv", table(&self.places)?),
-            ("scree.csv", table(&self.scree)?),
-            ("thresholds.csv", table(&self.thresholds)?),
+            ("means.csv", table(lines(&self.means, true)?)),
+            ("variance.csv", table(lines(&self.variance, true)?)),
+            ("comparisons.csv", table(lines(&self.comparisons, true)?)),
+            ("relations.csv", table(lines(&self.relations, true)?)),
+            ("places.csv", table(lines(&self.places, true)?)),
+            ("scree.csv", table(lines(&self.scree, true)?)),
+            ("thresholds.csv", table(lines(&self.thresholds, true)?)),
         ];
-        Ok(all)
+        Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
     }
 }

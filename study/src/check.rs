@@ -1,7 +1,8 @@
 //! Reading and checking of a study: its names first, then its graph with each version.
 
+use crate::data::{DataError, Identity, Row, check_code};
 use crate::document::{Arrange, Factor, Gate, Phase, Presented, Question, Study, SurfaceOf};
-use crate::order::{Stimulus, Trial, square_rows};
+use crate::order::{ALL_VERSIONS, Stimulus, Trial, distinct, square_rows};
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::document::{Document, LoadOptions, SettingsFile};
@@ -12,10 +13,9 @@ use haptograph_signal::files::{self, MAX_GRAPH_BYTES};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use sha2::{Digest, Sha256};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Largest peaks that the actuators of the thesis gave (A for a voice coil, 3.3 N for the arm).
+/// Largest peaks that the actuators of the thesis gave: of a voice coil, A, and of the arm, N.
 const PEAKS: [(Quantity, f64); 2] = [(Quantity::CURRENT, 0.5), (Quantity::FORCE, 3.3)];
 
 /// Largest number of trials of a phase.
@@ -54,7 +54,7 @@ pub enum StudyError {
     Run(String),
     /// The folder of the data.
     #[error(transparent)]
-    Data(#[from] crate::data::DataError),
+    Data(#[from] DataError),
 }
 
 /// A study whose names are right.
@@ -64,19 +64,14 @@ pub struct Checked {
     pub study: Study,
     /// Its file.
     pub path: PathBuf,
-    /// SHA-256 of the text.
-    pub sha256: String,
     /// The graph as written.
     pub document: Document,
     file: SettingsFile<Study>,
 }
 
-/// SHA-256 in hexadecimal digits.
-pub(crate) fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+/// The SHA-256 hash of some bytes.
+pub(crate) fn hash(bytes: &[u8]) -> String {
+    files::hex(&Sha256::digest(bytes))
 }
 
 /// The surface files of a folder.
@@ -100,26 +95,20 @@ impl Checked {
     /// # Errors
     /// With every problem of the file.
     pub fn load(path: &Path, surfaces: Option<&Path>) -> Result<Self, StudyError> {
-        let mut text = files::read_text(path, MAX_GRAPH_BYTES)
+        let text = files::read_text(path, MAX_GRAPH_BYTES)
             .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
         let mut file = SettingsFile::<Study>::parse(path, &text, "a study").map_err(StudyError::Study)?;
         if let Some(folder) = surfaces {
             file.content.surfaces = surfaces_of(folder)?;
-            text += &file.content.surfaces.show();
         }
         let wrong = Names { study: &file.content, list: Vec::new() }.check();
         if !wrong.is_empty() {
             return Err(StudyError::Study(Diagnostics { sources: file.sources, list: wrong }));
         }
-        let document = Document::load(&file.content.graph, &LoadOptions::default())
-            .map_err(|findings| StudyError::Graph { of: "any parameter".to_owned(), findings })?;
+        let document =
+            Document::load(&file.content.graph, &LoadOptions::default()).map_err(StudyError::Study)?;
         let study = file.content.clone();
-        Ok(Self { study, path: path.to_path_buf(), sha256: sha256(text.as_bytes()), document, file })
-    }
-
-    /// The text of the file.
-    pub fn text(&self) -> &str {
-        self.file.sources.iter().next().map_or("", |source| &source.text)
+        Ok(Self { study, path: path.to_path_buf(), document, file })
     }
 
     /// Name of a stimulus: `canvas, real`.
@@ -128,6 +117,41 @@ impl Checked {
         match stimulus.version {
             None => format!("{surface}, real"),
             Some(version) => format!("{surface}, {}", self.study.version_name(version)),
+        }
+    }
+
+    /// The line of a trial, but for its answer.
+    pub fn row(&self, trial: &Trial) -> Row {
+        let study = &self.study;
+        let surface =
+            |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
+        let version = |of: Option<Stimulus>| {
+            of.map_or("", |of| of.version.map_or("real", |version| study.version_name(version))).to_owned()
+        };
+        let (name, phase) = &study.phases.0[trial.phase];
+        let question = match (phase, trial.question) {
+            (Phase::Questions(phase), Some(at)) => {
+                phase.questions.0.get(at).map(|(name, _)| name.text.clone())
+            }
+            _ => None,
+        };
+        let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
+        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
+        let file = rendered.and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
+        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
+        Row {
+            trial: trial.number,
+            phase: name.text.clone(),
+            training: trial.is_training,
+            scale: scale.or(question).unwrap_or_default(),
+            first_surface: surface(trial.first),
+            first_version: version(trial.first),
+            second_surface: surface(trial.second),
+            second_version: version(trial.second),
+            second_is_left_or_earlier: trial.is_swapped,
+            level: trial.level,
+            surface_sha256: surface_sha256.map_or_else(String::new, |bytes| hash(&bytes)),
+            ..Row::default()
         }
     }
 
@@ -161,9 +185,8 @@ impl Checked {
             let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
             options = options.set(self.study.surface_parameter.clone(), file.display().to_string());
         }
-        if let (Some(level), Phase::ConstantStimuli(_) | Phase::Staircase(_)) = (level, phase) {
-            let parameter = phase.parameter().map_or("", |name| &name.text);
-            options = options.set(parameter, level.show());
+        if let (Some(level), Some((_, parameter, _))) = (level, phase.varied()) {
+            options = options.set(parameter.text.clone(), level.show());
         }
         check(&self.document, registry, &options).map_err(|findings| {
             let of = stimulus.map_or_else(|| "the study's settings".to_owned(), |of| self.name(of));
@@ -180,7 +203,7 @@ impl Checked {
         let rendered: Vec<usize> =
             surfaces.filter(|(_, (_, of))| of.file.is_some()).map(|(at, _)| at).collect();
         for (number, (_, phase)) in self.study.phases.0.iter().enumerate() {
-            let named = phase.rendered_surface().and_then(|name| self.study.surfaces.find(&name.text));
+            let named = phase.varied().and_then(|(name, ..)| self.study.surfaces.find(&name.text));
             let first = named.or(rendered.first().copied());
             for version in 0..self.study.version_count() {
                 let stimulus = first.map(|surface| Stimulus { surface, version: Some(version) });
@@ -244,19 +267,38 @@ impl Checked {
         Ok(())
     }
 
-    /// SHA-256 of the graph and the files that it includes.
-    pub fn graph_sha256(&self) -> String {
+    /// What a folder with data of this study belongs to; with the parameters of simulated people.
+    pub fn identity(&self, simulated: Option<String>) -> Identity {
         let texts = self.document.sources().iter().map(|source| source.text.as_bytes());
-        sha256(&texts.collect::<Vec<_>>().concat())
+        let text = self.file.sources.iter().next().map_or_else(String::new, |source| source.text.to_string());
+        let surface = |(name, of): &(Name, SurfaceOf)| {
+            let bytes = of.file.as_ref().and_then(|file| files::read(file, u64::MAX).ok());
+            (name.text.clone(), bytes.map_or_else(String::new, |bytes| hash(&bytes)))
+        };
+        Identity {
+            about: self.study.about.clone(),
+            haptograph: env!("CARGO_PKG_VERSION"),
+            study: self.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            study_sha256: hash(text.as_bytes()),
+            text,
+            graph_sha256: hash(&texts.collect::<Vec<_>>().concat()),
+            surface_sha256: self.study.surfaces.0.iter().map(surface).collect(),
+            simulated,
+        }
     }
 
-    /// SHA-256 of the file of each surface, by its name; empty of one that is only real or cannot be read.
-    pub(crate) fn surface_hashes(&self) -> serde_json::Map<String, serde_json::Value> {
-        let hash = |(name, of): &(Name, SurfaceOf)| {
-            let bytes = of.file.as_ref().and_then(|file| files::read(file, u64::MAX).ok());
-            (name.text.clone(), bytes.map_or_else(String::new, |bytes| sha256(&bytes)).into())
-        };
-        self.study.surfaces.0.iter().map(hash).collect()
+    /// Checks the code of a participant.
+    ///
+    /// # Errors
+    /// If it is no code, or has no number where an order takes the row of a Latin square by it.
+    pub fn check_code(&self, code: &str) -> Result<(), DataError> {
+        check_code(code)?;
+        let is_latin =
+            |(_, phase): &(Name, Phase)| phase.order().iter().any(|level| level.arrange == Arrange::Latin);
+        match self.study.phases.0.iter().any(is_latin) && !code.ends_with(|c: char| c.is_ascii_digit()) {
+            true => Err(DataError::NoNumber { code: code.to_owned() }),
+            false => Ok(()),
+        }
     }
 
     /// Seed of the run of a trial: of the study, the participant and the trial alone.
@@ -278,30 +320,24 @@ impl Phase {
         }
     }
 
-    /// The parameter that differs between two stimuli.
-    pub(crate) fn parameter(&self) -> Option<&Name> {
+    /// The surface and the parameter that differs between two stimuli, with its value in the standard.
+    pub(crate) fn varied(&self) -> Option<(&Name, &Name, f64)> {
         match self {
-            Self::ConstantStimuli(phase) => Some(&phase.parameter),
-            Self::Staircase(phase) => Some(&phase.parameter),
+            Self::ConstantStimuli(phase) => Some((&phase.surface, &phase.parameter, phase.standard)),
+            Self::Staircase(phase) => Some((&phase.surface, &phase.parameter, phase.standard)),
             _ => None,
         }
     }
 
-    /// Its value in the standard.
-    pub fn standard(&self) -> Option<f64> {
+    /// What is presented of which surfaces, all if none is named.
+    fn presented(&self) -> (&[Presented], &[Name]) {
         match self {
-            Self::ConstantStimuli(phase) => Some(phase.standard),
-            Self::Staircase(phase) => Some(phase.standard),
-            _ => None,
-        }
-    }
-
-    /// The surface of which that parameter is varied.
-    fn rendered_surface(&self) -> Option<&Name> {
-        match self {
-            Self::ConstantStimuli(phase) => Some(&phase.surface),
-            Self::Staircase(phase) => Some(&phase.surface),
-            _ => None,
+            Self::Practice(of) => (&of.stimuli, &of.surfaces),
+            Self::Explore(of) => (&of.stimuli, &of.surfaces),
+            Self::Rate(of) => (&of.stimuli, &of.surfaces),
+            Self::Pairs(of) => (&of.stimuli, &of.surfaces),
+            Self::Compare(of) => (&[Presented::Real, ALL_VERSIONS], &of.surfaces),
+            _ => (&[], &[]),
         }
     }
 
@@ -328,6 +364,17 @@ impl Phase {
     }
 }
 
+/// The error of a name that a study does not have.
+pub(crate) fn unknown_name(name: &Name, what: &str, known: &[&str]) -> Diagnostic {
+    let message = format!("the study has no {what} `{}`", name.text);
+    let wrong = Diagnostic::error("E0303", name.span, message).label(format!("unknown {what}"));
+    match closest(&name.text, known.iter().copied()) {
+        Some(near) => wrong.help(format!("did you mean `{near}`?")),
+        None if known.is_empty() => wrong.help(format!("it has none; declare it in `{what}s`")),
+        None => wrong.help(format!("it has {}", known.join(", "))),
+    }
+}
+
 /// The check of names.
 struct Names<'s> {
     study: &'s Study,
@@ -340,7 +387,7 @@ impl Names<'_> {
         for (name, phase) in &study.phases.0 {
             self.known(phase.groups(), &study.groups, "group");
             self.names_of(phase);
-            self.order(phase);
+            self.order(name, phase);
             let trials = study.count(phase);
             if self.list.is_empty() && !(1..=MOST_TRIALS).contains(&trials) {
                 let message =
@@ -355,6 +402,7 @@ impl Names<'_> {
             let wrong = Diagnostic::error("E0304", Span::default(), "the study has no phases");
             self.list.push(wrong.help("add one: phases: { \"rating\": Rate() }"));
         }
+        study.surfaces.0.iter().for_each(|(name, of)| self.surface(name, of));
         self.plain(&study.surfaces);
         self.plain(&study.versions);
         self.plain(&study.scales);
@@ -370,15 +418,17 @@ impl Names<'_> {
     /// The surfaces, versions and scales of a phase.
     fn names_of(&mut self, phase: &Phase) {
         let study = self.study;
-        match phase {
-            Phase::Practice(of) => self.presented(&of.stimuli, &of.surfaces),
-            Phase::Explore(of) => self.presented(&of.stimuli, &of.surfaces),
-            Phase::Rate(of) => {
-                self.presented(&of.stimuli, &of.surfaces);
-                self.known(&of.scales, &study.scales, "scale");
+        let (presented, surfaces) = phase.presented();
+        self.known(surfaces, &study.surfaces, "surface");
+        for presented in presented {
+            if let Presented::Virtual(of) = presented {
+                self.known(&of.version, &study.versions, "version");
             }
+        }
+        match phase {
+            Phase::Practice(_) | Phase::Explore(_) => {}
+            Phase::Rate(of) => self.known(&of.scales, &study.scales, "scale"),
             Phase::Compare(of) => {
-                self.known(&of.surfaces, &study.surfaces, "surface");
                 self.known(&of.versions, &study.versions, "version");
                 self.known(&of.reference, &study.versions, "version");
                 self.known([&of.scale], &study.scales, "scale");
@@ -389,17 +439,32 @@ impl Names<'_> {
                     self.list.push(Diagnostic::error("E0303", reference.span, message).label("not compared"));
                 }
             }
-            Phase::Pairs(of) => {
-                self.presented(&of.stimuli, &of.surfaces);
-                self.known([&of.scale], &study.scales, "scale");
-            }
+            Phase::Pairs(of) => self.known([&of.scale], &study.scales, "scale"),
             Phase::Questions(of) => {
                 self.plain(&of.questions);
                 of.questions.0.iter().for_each(|(name, question)| self.question(name, question));
             }
-            Phase::ConstantStimuli(of) => self.varied(&of.surface),
+            Phase::ConstantStimuli(of) => self.rendered(&of.surface),
             Phase::Staircase(of) => self.staircase(of),
         }
+    }
+
+    /// Refuses a surface that cannot be read, and one that is neither virtual nor real.
+    fn surface(&mut self, name: &Name, of: &SurfaceOf) {
+        if let Some(file) = of.file.as_ref().filter(|file| !files::is_file(file)) {
+            let message = format!("cannot read `{}`: there is no such file", file.display());
+            let near = files::similar(file).map(|near| format!("did you mean `{near}`?"));
+            let help = near.unwrap_or_else(|| "paths are relative to the study".to_owned());
+            self.list
+                .push(Diagnostic::error("E0108", name.span, message).label("of this surface").help(help));
+        }
+        let message = match (&of.file, &of.sample) {
+            (_, Some(sample)) if sample.trim().is_empty() => "the `sample` is empty",
+            (None, None) => "the surface is neither virtual nor real",
+            _ => return,
+        };
+        let wrong = Diagnostic::error("E0205", name.span, message).label("of this surface");
+        self.list.push(wrong.help("give it a `file`, or a `sample` that the experimenter can lay out"));
     }
 
     /// Refuses names that break the lines of a table.
@@ -427,7 +492,7 @@ impl Names<'_> {
     }
 
     /// A phase that varies a parameter of a surface renders it.
-    fn varied(&mut self, surface: &Name) {
+    fn rendered(&mut self, surface: &Name) {
         let study = self.study;
         self.known([surface], &study.surfaces, "surface");
         if study.surfaces.find(&surface.text).is_some_and(|at| study.surfaces.0[at].1.file.is_none()) {
@@ -438,7 +503,7 @@ impl Names<'_> {
     }
 
     fn staircase(&mut self, of: &crate::document::Staircase) {
-        self.varied(&of.surface);
+        self.rendered(&of.surface);
         let [least, most] = of.limits;
         let is_within = [of.start, of.standard].iter().all(|level| (least..=most).contains(level));
         let are_steps = !of.steps.is_empty() && of.steps.iter().all(|step| *step > 0.0);
@@ -447,15 +512,6 @@ impl Names<'_> {
             let wrong = Diagnostic::error("E0304", of.parameter.span, message).label("of this parameter");
             let help = "`start` and `standard` lie within `limits`, and each of `steps` is above zero";
             self.list.push(wrong.help(help));
-        }
-    }
-
-    fn presented(&mut self, stimuli: &[Presented], surfaces: &[Name]) {
-        self.known(surfaces, &self.study.surfaces, "surface");
-        for presented in stimuli {
-            if let Presented::Virtual(of) = presented {
-                self.known(&of.version, &self.study.versions, "version");
-            }
         }
     }
 
@@ -471,26 +527,18 @@ impl Names<'_> {
             if of.find(&name.text).is_some() {
                 continue;
             }
-            let known = || of.0.iter().map(|(name, _)| name.text.as_str());
-            let message = format!("the study has no {what} `{}`", name.text);
-            let wrong = Diagnostic::error("E0303", name.span, message).label(format!("unknown {what}"));
-            self.list.push(match (closest(&name.text, known()), of.0.is_empty()) {
-                (Some(near), _) => wrong.help(format!("did you mean `{near}`?")),
-                (None, true) => wrong.help(format!("it has none; declare it in `{what}s`")),
-                (None, false) => wrong.help(format!("it has {}", known().collect::<Vec<_>>().join(", "))),
-            });
+            let known: Vec<&str> = of.0.iter().map(|(name, _)| name.text.as_str()).collect();
+            self.list.push(unknown_name(name, what, &known));
         }
     }
 
     /// An order that names a factor twice, or one that is within another.
-    fn order(&mut self, phase: &Phase) {
+    fn order(&mut self, name: &Name, phase: &Phase) {
         let factors: Vec<Factor> = phase.order().iter().map(|level| level.factor).collect();
         let count = |wanted: Factor| factors.iter().filter(|factor| **factor == wanted).count();
         let is_both = count(Factor::Stimulus) > 0 && count(Factor::Surface) + count(Factor::Version) > 0;
         let is_twice = factors.iter().any(|factor| count(*factor) > 1);
-        if (is_both || is_twice)
-            && let Some((name, _)) = self.study.phases.0.iter().find(|(_, known)| std::ptr::eq(known, phase))
-        {
+        if is_both || is_twice {
             let message = format!("the order of phase `{}` has a factor twice", name.text);
             let wrong = Diagnostic::error("E0304", name.span, message).label("of this phase");
             self.list.push(wrong.help("`Stimulus` is surface and version together; name each factor once"));
@@ -504,9 +552,9 @@ impl Study {
         let mut all = None;
         let trials = self.trials("1", group);
         for (number, (_, phase)) in self.phases.0.iter().enumerate() {
-            let of_phase: Vec<&Trial> = trials.iter().filter(|trial| trial.phase == number).collect();
+            let of_phase = || trials.iter().filter(|trial| trial.phase == number);
             let squares = phase.order().iter().filter(|level| level.arrange == Arrange::Latin);
-            let rows = squares.map(|level| square_rows(crate::order::count(&of_phase, level.factor)));
+            let rows = squares.map(|level| square_rows(distinct(of_phase(), level.factor).len()));
             // Squares of a phase are crossed; phases take the same number.
             if let Some(rows) = rows.reduce(usize::saturating_mul) {
                 all = Some(
@@ -517,22 +565,30 @@ impl Study {
         all
     }
 
+    /// The surfaces of a phase that lack what it presents of others: a `sample` for the real one, a `file` for the virtual one.
+    pub fn lacking(&self, phase: &Phase) -> Vec<&str> {
+        let (presented, surfaces) = phase.presented();
+        let lacks = |of: &SurfaceOf| {
+            presented.iter().any(|presented| match presented {
+                Presented::Real => of.sample.is_none(),
+                Presented::Virtual(_) => of.file.is_none(),
+            })
+        };
+        let some = Self::some(surfaces, &self.surfaces).into_iter().map(|at| &self.surfaces.0[at]);
+        some.filter(|(_, of)| lacks(of)).map(|(name, _)| name.text.as_str()).collect()
+    }
+
     /// Number of trials of a phase, without training, by arithmetic.
     fn count(&self, phase: &Phase) -> usize {
         let scales = |names: &[Name]| if names.is_empty() { self.scales.0.len() } else { names.len() };
+        let (presented, surfaces) = phase.presented();
+        let stimuli = self.stimuli(presented, surfaces).len();
         match phase {
             Phase::Practice(of) if of.stimuli.is_empty() => 1,
-            Phase::Practice(of) => self.stimuli(&of.stimuli, &of.surfaces).len(),
-            Phase::Explore(of) => self.stimuli(&of.stimuli, &of.surfaces).len(),
-            Phase::Rate(of) => {
-                let stimuli = self.stimuli(&of.stimuli, &of.surfaces).len();
-                stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize)
-            }
+            Phase::Practice(_) | Phase::Explore(_) => stimuli,
+            Phase::Rate(of) => stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize),
             Phase::Compare(of) => self.compared(of).len().saturating_mul(of.repeats as usize),
-            Phase::Pairs(of) => {
-                let stimuli = self.stimuli(&of.stimuli, &of.surfaces).len();
-                stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2
-            }
+            Phase::Pairs(_) => stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2,
             Phase::Questions(of) => of.questions.0.len(),
             Phase::ConstantStimuli(of) => of.levels.len().saturating_mul(of.repeats as usize),
             Phase::Staircase(of) => of.at_most as usize,

@@ -1,16 +1,15 @@
 //! The folder of a study: tables that grow by a line a trial, on disk before the next trial.
 
-use crate::check::Checked;
 use crate::document::Study;
 use haptograph_engine::document::SettingsFile;
 use haptograph_signal::files::{self, MAX_GRAPH_BYTES, write_atomically};
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use jiff::Timestamp;
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A line of `trials.csv`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -22,6 +21,7 @@ pub struct Row {
     pub attempt: u32,
     pub status: Status,
     pub phase: String,
+    #[serde(deserialize_with = "flag")]
     pub training: bool,
     /// The scale, or the question.
     pub scale: String,
@@ -29,14 +29,17 @@ pub struct Row {
     pub first_version: String,
     pub second_surface: String,
     pub second_version: String,
+    #[serde(deserialize_with = "flag")]
     pub second_is_left_or_earlier: bool,
     pub level: Option<f64>,
     pub rating: Option<f64>,
     pub choice: String,
+    #[serde(deserialize_with = "maybe_flag")]
     pub is_right: Option<bool>,
     pub text: String,
     pub exploration_s: f64,
     pub response_s: f64,
+    #[serde(deserialize_with = "flag")]
     pub simulated: bool,
     pub session: String,
     pub time_utc: String,
@@ -76,6 +79,7 @@ pub struct Participant {
     pub group: String,
     pub consent_utc: String,
     pub withdrawn_utc: String,
+    #[serde(deserialize_with = "flag")]
     pub simulated: bool,
 }
 
@@ -122,7 +126,8 @@ UTF-8, comma separated, one header line, empty where there is no value, `true` a
 
 ## measures.csv: a number of a trial, in the unit of its line
 
-Conditions (what was gained during the trial) by their names.
+Conditions (what was gained during the trial) by their names; mean, sd and largest magnitude of the study's measures. Of two
+virtual stimuli each has its own, `first: ` and `second: `. A number whose trial is not in trials.csv is of an interrupted attempt.
 ";
 
 /// Why data cannot be read or kept.
@@ -135,18 +140,48 @@ pub enum DataError {
     OtherStudy { path: PathBuf },
     #[error("{} holds data of {there} participants; give another folder", path.display())]
     Mixed { path: PathBuf, there: &'static str },
+    #[error("{} holds answers of simulated people with other parameters (`simulated` in study.json); give another folder", path.display())]
+    OtherPeople { path: PathBuf },
+    #[error("there is no data of a study in {}{help}", path.display())]
+    NoStudy { path: PathBuf, help: String },
     #[error("participant {code} is of group `{before}`; a participant keeps to a group")]
     OtherGroup { code: String, before: String },
     #[error("participant {code} is being run by another program")]
     Busy { code: String },
     #[error("participant {code} was continued elsewhere after this session began: this answer is not kept")]
     OtherSession { code: String },
-    #[error("`{code}` cannot be a code: use up to 32 letters, digits, `-` and `_`")]
+    #[error("`{}` cannot be a code: use up to 32 letters, digits, `-` and `_`", code.escape_debug())]
     Code { code: String },
+    #[error(
+        "`{code}` does not end in a number, by which the study's Latin orders take their rows: P01, P02, ..."
+    )]
+    NoNumber { code: String },
     #[error("participant {code} has withdrawn; take another code")]
     Withdrawn { code: String },
     #[error("there is no participant {code} in {}", path.display())]
     Unknown { code: String, path: PathBuf },
+}
+
+/// What a folder of data belongs to, as in `study.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Identity {
+    /// What the study asks.
+    pub about: String,
+    /// Version of the program.
+    pub haptograph: &'static str,
+    /// Name of the study's file.
+    pub study: String,
+    /// Its text.
+    #[serde(skip)]
+    pub text: String,
+    /// Hash of that.
+    pub study_sha256: String,
+    /// Hash of the graph and the files that it includes.
+    pub graph_sha256: String,
+    /// Hashes of the surfaces' files, by the names of the surfaces.
+    pub surface_sha256: BTreeMap<String, String>,
+    /// The parameters of simulated people; none of real ones.
+    pub simulated: Option<String>,
 }
 
 /// A study's folder.
@@ -167,24 +202,14 @@ pub struct Claim {
     _lock: File,
 }
 
-fn wrong(path: &Path, message: impl std::fmt::Display) -> DataError {
+fn file_error(path: &Path, message: impl std::fmt::Display) -> DataError {
     DataError::File { path: path.to_path_buf(), message: message.to_string() }
 }
 
 /// The time, as `2031-07-04T12:30:00Z`.
 fn now_utc() -> String {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |passed| passed.as_secs());
-    let (days, rest) = (seconds / 86_400, seconds % 86_400);
-    // The civil calendar from days: Hinnant, "chrono-compatible low-level date algorithms".
-    let from_march = days + 719_468;
-    let (era, of_era) = (from_march / 146_097, from_march % 146_097);
-    let year = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    let year = year + era * 400 + u64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", rest / 3600, rest / 60 % 60, rest % 60)
+    let now = Timestamp::now();
+    Timestamp::from_second(now.as_second()).unwrap_or(now).to_string()
 }
 
 /// The text of a table. A last line without its end was never confirmed, and is left out.
@@ -192,22 +217,38 @@ fn whole_lines(path: &Path) -> Result<Vec<u8>, DataError> {
     let mut text = match fs::read(path) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(wrong(path, error)),
+        Err(error) => return Err(file_error(path, error)),
     };
-    text.truncate(whole(&text));
+    text.truncate(complete_length(&text));
     Ok(text)
 }
 
 fn parsed<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Result<Vec<T>, DataError> {
     let rows = csv::Reader::from_reader(text).deserialize().collect::<Result<Vec<T>, _>>();
-    rows.map_err(|error| wrong(path, error))
+    rows.map_err(|error| file_error(path, error))
 }
 
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
     parsed(path, &whole_lines(path)?)
 }
 
-fn lines<T: Serialize>(rows: &[T], has_header: bool) -> Result<Vec<u8>, csv::Error> {
+/// `true` or `false`, also in the capitals in which spreadsheets write them; nothing if empty.
+fn maybe_flag<'d, D: Deserializer<'d>>(from: D) -> Result<Option<bool>, D::Error> {
+    let text = String::deserialize(from)?;
+    match text.to_ascii_lowercase().as_str() {
+        "" => Ok(None),
+        "true" => Ok(Some(true)),
+        "false" => Ok(Some(false)),
+        _ => Err(D::Error::custom(format!("`{text}` is neither true nor false"))),
+    }
+}
+
+fn flag<'d, D: Deserializer<'d>>(from: D) -> Result<bool, D::Error> {
+    maybe_flag(from)?.ok_or_else(|| D::Error::custom("neither true nor false"))
+}
+
+/// The lines of a table.
+pub(crate) fn lines<T: Serialize>(rows: &[T], has_header: bool) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::WriterBuilder::new().has_headers(has_header).from_writer(Vec::new());
     rows.iter().try_for_each(|row| writer.serialize(row))?;
     writer.into_inner().map_err(|error| error.into_error().into())
@@ -220,43 +261,50 @@ fn append<T: Serialize>(
     rows: &[T],
     may: impl FnOnce(&[u8]) -> Result<(), DataError>,
 ) -> Result<(), DataError> {
-    let of = |error: io::Error| wrong(path, error);
+    let of = |error: io::Error| file_error(path, error);
     let file = OpenOptions::new().read(true).append(true).create(true).open(path);
     let mut file = file.map_err(of)?;
     let mut text = Vec::new();
     file.read_to_end(&mut text).map_err(of)?;
-    let whole = whole(&text);
-    may(&text[..whole])?;
-    let added = lines(rows, whole == 0).map_err(|error| wrong(path, error))?;
-    if whole < text.len() {
+    let complete = complete_length(&text);
+    may(&text[..complete])?;
+    let added = lines(rows, complete == 0).map_err(|error| file_error(path, error))?;
+    if complete < text.len() {
         let beside = path.with_extension("interrupted");
         let kept = OpenOptions::new().append(true).create(true).open(&beside);
-        let end = kept.and_then(|mut kept| kept.write_all(&[&text[whole..], b"\n"].concat()));
-        end.and_then(|()| file.set_len(whole as u64)).map_err(of)?;
+        let end = kept.and_then(|mut kept| kept.write_all(&[&text[complete..], b"\n"].concat()));
+        end.and_then(|()| file.set_len(complete as u64)).map_err(of)?;
     }
     file.write_all(&added).and_then(|()| file.sync_data()).map_err(of)
 }
 
 /// Length of the lines that have their end.
-fn whole(text: &[u8]) -> usize {
+fn complete_length(text: &[u8]) -> usize {
     text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)
 }
 
 /// Replaces a table; one without lines is removed.
 fn replace<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), DataError> {
     if rows.is_empty() {
-        return gone(fs::remove_file(path), path);
+        return unless_missing(fs::remove_file(path), path);
     }
-    let text = lines(rows, true).map_err(|error| wrong(path, error))?;
-    write_atomically(path, &text).map_err(|error| wrong(path, error))
+    let text = lines(rows, true).map_err(|error| file_error(path, error))?;
+    write_atomically(path, &text).map_err(|error| file_error(path, error))
 }
 
 /// Nothing to remove is no error.
-fn gone(removed: io::Result<()>, path: &Path) -> Result<(), DataError> {
+fn unless_missing(removed: io::Result<()>, path: &Path) -> Result<(), DataError> {
     match removed {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(wrong(path, error)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(file_error(path, error)),
         _ => Ok(()),
     }
+}
+
+/// An error unless a text can be a participant's code.
+pub(crate) fn check_code(code: &str) -> Result<(), DataError> {
+    let is_code = (1..=32).contains(&code.len())
+        && code.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'));
+    if is_code { Ok(()) } else { Err(DataError::Code { code: code.to_owned() }) }
 }
 
 impl Folder {
@@ -264,57 +312,55 @@ impl Folder {
     ///
     /// # Errors
     /// If it holds data of another study, or if simulated and other participants would be mixed.
-    pub fn open(path: &Path, study: &Checked, is_simulated: bool) -> Result<Self, DataError> {
+    pub fn open(path: &Path, study: &Identity) -> Result<Self, DataError> {
         let folder = Self { path: path.to_path_buf() };
-        fs::create_dir_all(path).map_err(|error| wrong(path, error))?;
+        fs::create_dir_all(path).map_err(|error| file_error(path, error))?;
         let own = path.join("study.json");
-        let about = serde_json::json!({
-            "study": study.path.file_name().map(|name| name.to_string_lossy()),
-            "study_sha256": study.sha256,
-            "about": study.study.about,
-            "simulated": is_simulated,
-            "haptograph": env!("CARGO_PKG_VERSION"),
-            "graph_sha256": study.graph_sha256(),
-            "surface_sha256": study.surface_hashes(),
-        });
+        let about = serde_json::json!(study);
         match fs::read(&own) {
             Ok(text) => {
                 let before: serde_json::Value =
-                    serde_json::from_slice(&text).map_err(|error| wrong(&own, error))?;
+                    serde_json::from_slice(&text).map_err(|error| file_error(&own, error))?;
                 let same = ["study_sha256", "graph_sha256", "surface_sha256"];
                 if same.iter().any(|key| before[key] != about[key]) {
                     return Err(DataError::OtherStudy { path: folder.path });
                 }
-                if before["simulated"] != about["simulated"] {
-                    let there = if is_simulated { "real" } else { "simulated" };
-                    return Err(DataError::Mixed { path: folder.path, there });
+                match (&before["simulated"], &about["simulated"]) {
+                    (before, own) if before == own => {}
+                    (before, own) if before.is_null() || own.is_null() => {
+                        let there = if before.is_null() { "real" } else { "simulated" };
+                        return Err(DataError::Mixed { path: folder.path, there });
+                    }
+                    _ => return Err(DataError::OtherPeople { path: folder.path }),
                 }
             }
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(wrong(&own, error)),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(file_error(&own, error)),
             Err(_) if ["trials.csv", "participants.csv"].iter().any(|name| path.join(name).exists()) => {
                 return Err(DataError::OtherStudy { path: folder.path });
             }
             Err(_) => {
-                let text = serde_json::to_vec_pretty(&about).map_err(|error| wrong(&own, error))?;
+                let text = serde_json::to_vec_pretty(&about).map_err(|error| file_error(&own, error))?;
                 let book = path.join("codebook.md");
-                write_atomically(&book, CODEBOOK.as_bytes()).map_err(|error| wrong(&book, error))?;
+                write_atomically(&book, CODEBOOK.as_bytes()).map_err(|error| file_error(&book, error))?;
                 let copy = path.join("study.ron");
-                write_atomically(&copy, study.text().as_bytes()).map_err(|error| wrong(&copy, error))?;
+                write_atomically(&copy, study.text.as_bytes()).map_err(|error| file_error(&copy, error))?;
                 // Last: with this file the folder is a study's.
-                write_atomically(&own, &text).map_err(|error| wrong(&own, error))?;
+                write_atomically(&own, &text).map_err(|error| file_error(&own, error))?;
             }
         }
         Ok(folder)
     }
 
-    /// A folder that exists.
+    /// A folder with data.
     ///
     /// # Errors
-    /// If it is not of a study.
+    /// If it has none.
     pub fn existing(path: &Path) -> Result<Self, DataError> {
-        let own = path.join("study.json");
-        fs::metadata(&own).map_err(|error| wrong(&own, error))?;
-        Ok(Self { path: path.to_path_buf() })
+        if path.join("study.json").is_file() {
+            return Ok(Self { path: path.to_path_buf() });
+        }
+        let help = files::similar(path).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        Err(DataError::NoStudy { path: path.to_path_buf(), help })
     }
 
     /// The study as it was when the first participant came.
@@ -323,9 +369,9 @@ impl Folder {
     /// If its copy cannot be read.
     pub fn study(&self) -> Result<Study, DataError> {
         let path = self.path.join("study.ron");
-        let text = files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| wrong(&path, error))?;
-        let file =
-            SettingsFile::<Study>::parse(&path, &text, "a study").map_err(|error| wrong(&path, error))?;
+        let text = files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| file_error(&path, error))?;
+        let file = SettingsFile::<Study>::parse(&path, &text, "a study")
+            .map_err(|error| file_error(&path, error))?;
         Ok(file.content)
     }
 
@@ -371,36 +417,27 @@ impl Folder {
         let path = self.path.join("locks").join(".tables");
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
         let locked = file.and_then(|file| file.lock().map(|()| file));
-        locked.map_err(|error| wrong(&path, error))
+        locked.map_err(|error| file_error(&path, error))
     }
 
     /// Takes a code for this program alone.
     fn reserve(&self, code: &str) -> Result<File, DataError> {
-        let is_code = (1..=32).contains(&code.len())
-            && code.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_'));
-        if !is_code {
-            return Err(DataError::Code { code: code.to_owned() });
-        }
+        check_code(code)?;
         let locks = self.path.join("locks");
-        fs::create_dir_all(&locks).map_err(|error| wrong(&locks, error))?;
+        fs::create_dir_all(&locks).map_err(|error| file_error(&locks, error))?;
         let path = locks.join(code);
         let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
-        let lock = lock.map_err(|error| wrong(&path, error))?;
+        let lock = lock.map_err(|error| file_error(&path, error))?;
         lock.try_lock().map_err(|_| DataError::Busy { code: code.to_owned() })?;
         Ok(lock)
     }
 
-    /// The numbers of the trials that are kept.
+    /// The numbers of all trials.
     ///
     /// # Errors
-    /// If a table cannot be read.
+    /// If the table cannot be read.
     pub fn measures(&self) -> Result<Vec<Measure>, DataError> {
-        let kept: BTreeSet<(String, u32, u32)> =
-            self.rows()?.into_iter().map(|row| (row.participant, row.trial, row.attempt)).collect();
-        let mut measures: Vec<Measure> = read(&self.table("measures.csv"))?;
-        // An interrupted trial leaves numbers, but no line of its own.
-        measures.retain(|of| kept.contains(&(of.participant.clone(), of.trial, of.attempt)));
-        Ok(measures)
+        read(&self.table("measures.csv"))
     }
 
     /// The participants.
@@ -442,8 +479,20 @@ impl Folder {
         };
         let mut rows = self.rows()?;
         rows.retain(|row| row.participant == code);
+        self.remove_orphans(code, &rows)?;
         let session = format!("{}-{}", now_utc(), std::process::id());
         Ok(Claim { folder: self.clone(), participant, session, rows, _lock: lock })
+    }
+
+    /// Removes the numbers that an interrupted trial of a participant left: the next attempt has its own.
+    fn remove_orphans(&self, code: &str, rows: &[Row]) -> Result<(), DataError> {
+        let table = self.table("measures.csv");
+        let mut measures = read::<Measure>(&table)?;
+        let before = measures.len();
+        let is_kept =
+            |of: &Measure| rows.iter().any(|row| (row.trial, row.attempt) == (of.trial, of.attempt));
+        measures.retain(|of| of.participant != code || is_kept(of));
+        if measures.len() < before { replace(&table, &measures) } else { Ok(()) }
     }
 
     /// Removes what a participant left, but for a line that says so; what was removed, in words. It can be repeated, should
@@ -452,13 +501,15 @@ impl Folder {
     /// # Errors
     /// If there is no such participant, or a file cannot be changed.
     pub fn remove(&self, code: &str) -> Result<String, DataError> {
-        let mut participants = self.participants()?;
-        let Some(known) = participants.iter_mut().find(|known| known.participant == code) else {
-            return Err(DataError::Unknown { code: code.to_owned(), path: self.path.clone() });
-        };
+        let unknown = || DataError::Unknown { code: code.to_owned(), path: self.path.clone() };
+        if !self.participants()?.iter().any(|known| known.participant == code) {
+            return Err(unknown());
+        }
         let _reserved = self.reserve(code)?;
         let _tables = self.lock()?;
         // All is read before anything is changed.
+        let mut participants = self.participants()?;
+        let known = participants.iter_mut().find(|known| known.participant == code).ok_or_else(unknown)?;
         let (mut rows, mut measures) = (self.rows()?, read::<Measure>(&self.table("measures.csv"))?);
         let before = (rows.len(), measures.len());
         rows.retain(|row| row.participant != code);
@@ -474,14 +525,15 @@ impl Folder {
         let signals = self.path.join("signals").join(code);
         let runs = fs::read_dir(&signals).map_or(0, Iterator::count);
         // What was computed with the participant, or left of an interrupted line, is theirs too.
-        for folder in [signals, self.path.join("analysis")] {
-            gone(fs::remove_dir_all(&folder), &folder)?;
-        }
-        for file in ["trials.interrupted", "measures.interrupted"].map(|name| self.table(name)) {
-            gone(fs::remove_file(&file), &file)?;
+        unless_missing(fs::remove_dir_all(&signals), &signals)?;
+        let left = ["trials.interrupted", "measures.interrupted"].map(|name| self.table(name));
+        let computed = files::list(&self.path.join("analysis"));
+        let computed = computed.into_iter().filter(|file| file.extension().is_some_and(|of| of == "csv"));
+        for file in computed.chain(left) {
+            unless_missing(fs::remove_file(&file), &file)?;
         }
         let lock = self.path.join("locks").join(code);
-        gone(fs::remove_file(&lock), &lock)?;
+        unless_missing(fs::remove_file(&lock), &lock)?;
         Ok(format!(
             "removed {trials} trials, {numbers} measures and {runs} recordings of participant {code}, and the analysis"
         ))

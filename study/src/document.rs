@@ -128,7 +128,7 @@ choices! {
 settings! {
     /// A phase of practice.
     pub struct Practice {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -144,7 +144,7 @@ settings! {
 settings! {
     /// A phase of free exploration.
     pub struct Explore {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -164,7 +164,7 @@ settings! {
 settings! {
     /// A phase of ratings.
     pub struct Rate {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -191,7 +191,7 @@ settings! {
 settings! {
     /// A phase of comparisons with the real surface.
     pub struct Compare {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -203,6 +203,8 @@ settings! {
         surfaces: Vec<Name> = Vec::new();
         /// The version with which the others are compared in the analysis; the first if none is named.
         reference: Option<Name> = None;
+        /// Versions whose mean ratings differ by less count as the same: the bound of a test of equivalence.
+        same_within: Option<f64> = None, in 1e-6..=1.0;
         /// How often each is compared.
         repeats: u32 = 1, in 1..=1000;
         /// The order of trials, outermost first.
@@ -220,7 +222,7 @@ settings! {
 settings! {
     /// A phase of pairs: how different two stimuli are.
     pub struct Pairs {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -242,7 +244,7 @@ settings! {
 settings! {
     /// A phase of questions, on one screen.
     pub struct Questions {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -298,7 +300,7 @@ settings! {
 settings! {
     /// A phase by the method of constant stimuli.
     pub struct ConstantStimuli {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -324,7 +326,7 @@ settings! {
 settings! {
     /// A phase in which the level follows the answers.
     pub struct Staircase {
-        /// Whose it is; all groups if empty.
+        /// The groups that take part; all if empty.
         groups: Vec<Name> = Vec::new();
         /// The instruction.
         text: String = String::new();
@@ -497,6 +499,7 @@ impl Setting for Gate {
     }
     fn value(&self) -> Value {
         let (name, number) = &self.written;
-        Value::map([("port", self.port.value()), (name.text.as_str(), number.value())])
+        let fields = [("port".into(), self.port.value()), (name.clone(), number.value())];
+        Shape::Tagged(Tagged { name: None, body: Body::Fields(fields.into()) }).into()
     }
 }

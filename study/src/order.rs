@@ -7,6 +7,9 @@ use haptograph_signal::noise::stream_seed;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
+/// All versions of a virtual surface.
+pub(crate) const ALL_VERSIONS: Presented = Presented::Virtual(Version { version: None });
+
 /// What is presented: a surface, real or in one of the versions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stimulus {
@@ -50,6 +53,11 @@ impl Study {
         self.versions.0.get(version).map_or("virtual", |(name, _)| &name.text)
     }
 
+    /// Number of groups; a study without any has one.
+    pub fn group_count(&self) -> usize {
+        self.groups.0.len().max(1)
+    }
+
     /// Name of a group; of a study without groups, `all`.
     pub fn group_name(&self, group: usize) -> &str {
         self.groups.0.get(group).map_or("all", |(name, _)| &name.text)
@@ -62,7 +70,7 @@ impl Study {
     }
 
     /// The numbers of some entries, or of all.
-    fn some<T>(names: &[Name], of: &Named<T>) -> Vec<usize> {
+    pub(crate) fn some<T>(names: &[Name], of: &Named<T>) -> Vec<usize> {
         match names.is_empty() {
             true => (0..of.0.len()).collect(),
             false => names.iter().filter_map(|name| of.find(&name.text)).collect(),
@@ -169,7 +177,7 @@ impl Study {
 
     /// Each version beside its real surface.
     pub(crate) fn compared(&self, compare: &Compare) -> Vec<Trial> {
-        let presented = [Presented::Virtual(Version { version: None })];
+        let presented = [ALL_VERSIONS];
         let versions = self.some_versions(&compare.versions);
         let stimuli = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
             let is_real = self.surfaces.0[stimulus.surface].1.sample.is_some();
@@ -206,7 +214,7 @@ impl Study {
 }
 
 impl Phase {
-    /// The groups whose it is; all if empty.
+    /// The groups that take part; all if empty.
     pub fn groups(&self) -> &[Name] {
         match self {
             Self::Practice(phase) => &phase.groups,
@@ -256,10 +264,9 @@ struct Draw {
 impl Draw {
     fn new(seed: u64, participant: &str, phase: &str) -> Self {
         let stream = stream_seed(seed, &format!("{participant}/{phase}"));
-        let mut random = Xoshiro256PlusPlus::seed_from_u64(stream);
-        let digits = participant.len() - participant.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-        let written = participant[participant.len() - digits..].parse::<usize>();
-        let number = written.unwrap_or_else(|_| random.next_u64() as usize >> 1);
+        let random = Xoshiro256PlusPlus::seed_from_u64(stream);
+        let digits = participant.bytes().rev().take(9).take_while(u8::is_ascii_digit).count();
+        let number = participant[participant.len() - digits..].parse().unwrap_or(0);
         Self { random, number }
     }
 
@@ -275,7 +282,7 @@ impl Draw {
         }
     }
 
-    /// Fisher and Yates' shuffle.
+    /// Fisher and Yates' shuffle, here and not of a library whose next version may draw another order.
     fn shuffled<T>(&mut self, mut values: Vec<T>) -> Vec<T> {
         for last in (1..values.len()).rev() {
             let other = self.below(last + 1);
@@ -365,7 +372,7 @@ impl Draw {
 }
 
 /// What distinguishes trials by a factor.
-type Key = (Option<usize>, Option<Option<usize>>);
+pub(crate) type Key = (Option<usize>, Option<Option<usize>>);
 
 fn key(trial: &Trial, factor: Factor) -> Key {
     let stimulus = trial.second.or(trial.first);
@@ -379,7 +386,7 @@ fn key(trial: &Trial, factor: Factor) -> Key {
 }
 
 /// The values of a factor, in the order of the trials.
-fn distinct(trials: &[Trial], factor: Factor) -> Vec<Key> {
+pub(crate) fn distinct<'t>(trials: impl IntoIterator<Item = &'t Trial>, factor: Factor) -> Vec<Key> {
     let mut values = Vec::new();
     for trial in trials {
         let key = key(trial, factor);
@@ -390,19 +397,9 @@ fn distinct(trials: &[Trial], factor: Factor) -> Vec<Key> {
     values
 }
 
-/// Number of values of a factor.
-pub(crate) fn count(trials: &[&Trial], factor: Factor) -> usize {
-    let trials: Vec<Trial> = trials.iter().map(|trial| (*trial).clone()).collect();
-    distinct(&trials, factor).len()
-}
-
 /// Number of rows of a Williams square: as many participants, or a multiple, are balanced.
 pub fn square_rows(values: usize) -> usize {
-    match values {
-        0 | 1 => 1,
-        even if even % 2 == 0 => even,
-        odd => 2 * odd,
-    }
+    if values < 2 { 1 } else { values * (1 + values % 2) }
 }
 
 /// A row of a Williams square (Williams 1949): over all rows each value follows each other equally often.
@@ -410,10 +407,7 @@ fn williams(values: usize, row: usize) -> Vec<usize> {
     let row = row % square_rows(values);
     let zigzag = (0..values).map(|at| if at % 2 == 1 { at.div_ceil(2) } else { (values - at / 2) % values });
     let order = zigzag.map(|at| (at + row) % values);
-    match row < values {
-        true => order.collect(),
-        false => order.rev().collect(),
-    }
+    if row < values { order.collect() } else { order.rev().collect() }
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! People who do not exist: answers of known parameters, with motion by the graph's simulated hands, so that the conditions of a
 //! trial and its numbers are real.
 
-use crate::check::{Checked, StudyError};
-use crate::data::{Claim, Folder, Row, Status};
+use crate::check::{Checked, StudyError, unknown_name};
+use crate::data::{Claim, Row, Status};
 use crate::document::{Phase, Question};
 use crate::order::{Stimulus, Trial};
 use crate::progress::next;
+use haptograph_engine::diagnostic::{Diagnostic, Diagnostics};
 use haptograph_engine::document::SettingsFile;
 use haptograph_engine::document::value::Name;
 use haptograph_engine::graph::Graph;
@@ -13,13 +14,13 @@ use haptograph_engine::host::AnyOutput;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{Player, SessionOptions};
 use haptograph_engine::settings;
-use haptograph_engine::settings::{Named, Settings};
+use haptograph_engine::settings::{Named, Setting};
 use haptograph_signal::files::{self, MAX_GRAPH_BYTES};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::statistics::{mean, standard_deviation};
+use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::path::Path;
 
 settings! {
@@ -56,49 +57,45 @@ impl People {
         }
     }
 
-    /// Reads a file that holds one `People(format: 1, ...)`.
+    /// Reads a file that holds one `People(format: 1, ...)` for a study.
     ///
     /// # Errors
-    /// With every problem of the file.
-    pub fn load(path: &Path) -> Result<Self, StudyError> {
+    /// With every problem of the file, names that the study does not have among them.
+    pub fn load(path: &Path, study: &Checked) -> Result<Self, StudyError> {
         let text = files::read_text(path, MAX_GRAPH_BYTES)
             .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
-        let file = SettingsFile::<Self>::parse(path, &text, &format!("a file of `{}`", Self::NAME));
-        file.map(|file| file.content).map_err(StudyError::Study)
+        let file = SettingsFile::<Self>::parse(path, &text, "a file of people").map_err(StudyError::Study)?;
+        match file.content.unknown(study) {
+            unknown if unknown.is_empty() => Ok(file.content),
+            list => Err(StudyError::Study(Diagnostics { sources: file.sources, list })),
+        }
     }
 
-    /// Refuses names that the study does not have.
-    ///
-    /// # Errors
-    /// With the first of them.
-    pub fn check(&self, study: &Checked) -> Result<(), StudyError> {
+    /// The parameters in RON.
+    pub fn parameters(&self) -> String {
+        self.show()
+    }
+
+    /// The names that the study does not have.
+    fn unknown(&self, study: &Checked) -> Vec<Diagnostic> {
         let of = &study.study;
-        let versions: Vec<&str> =
-            (0..of.version_count()).map(|at| of.version_name(at)).chain(["real"]).collect();
-        let surfaces = of.surfaces.0.iter().map(|(name, _)| name.text.as_str());
-        let both =
-            surfaces.clone().flat_map(|surface| versions.iter().map(move |of| format!("{surface}, {of}")));
-        let both: Vec<String> = both.collect();
-        let single: Vec<&str> = surfaces.chain(versions.iter().copied()).collect();
-        let refuse = |name: &str, what: &str| {
-            Err(StudyError::Run(format!(
-                "the people have values for `{name}`, which is no {what} of the study"
-            )))
-        };
-        for (scale, values) in &self.values.0 {
-            if of.scales.find(&scale.text).is_none() {
-                return refuse(&scale.text, "scale");
-            }
-            for (name, _) in &values.0 {
-                if !single.contains(&name.text.as_str()) && !both.contains(&name.text) {
-                    return refuse(&name.text, "surface or version");
-                }
-            }
-        }
-        match self.places.0.iter().find(|(name, _)| !both.contains(&name.text)) {
-            Some((name, _)) => refuse(&name.text, "stimulus"),
-            None => Ok(()),
-        }
+        let scales: Vec<&str> = of.scales.0.iter().map(|(name, _)| name.text.as_str()).collect();
+        let versions = || (0..of.version_count()).map(Some).chain([None]);
+        let surfaces = 0..of.surfaces.0.len();
+        let stimuli =
+            surfaces.flat_map(|surface| versions().map(move |version| Stimulus { surface, version }));
+        let both: Vec<String> = stimuli.map(|stimulus| study.name(stimulus)).collect();
+        let mut any: Vec<&str> = of.surfaces.0.iter().map(|(name, _)| name.text.as_str()).collect();
+        any.extend((0..of.version_count()).map(|version| of.version_name(version)).chain(["real"]));
+        any.extend(both.iter().map(String::as_str));
+        let both: Vec<&str> = both.iter().map(String::as_str).collect();
+        let values = self.values.0.iter().flat_map(|(_, values)| &values.0);
+        let values = values.map(|(name, _)| (name, "surface, version or stimulus", &any));
+        let places = self.places.0.iter().map(|(name, _)| (name, "stimulus", &both));
+        let names =
+            self.values.0.iter().map(|(name, _)| (name, "scale", &scales)).chain(values).chain(places);
+        let unknown = names.filter(|(name, _, known)| !known.contains(&&*name.text));
+        unknown.map(|(name, what, known)| unknown_name(name, what, known)).collect()
     }
 
     /// Value of a stimulus on a scale.
@@ -137,7 +134,7 @@ impl<'p> Person<'p> {
     }
 
     fn uniform(&mut self) -> f64 {
-        (self.random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+        self.random.random()
     }
 
     fn rating(&mut self, value: f64) -> f64 {
@@ -184,7 +181,7 @@ impl<'p> Person<'p> {
     }
 
     fn choose(&mut self, study: &Checked, trial: &Trial, row: &mut Row) {
-        let standard = study.study.phases.0[trial.phase].1.standard().unwrap_or(0.0);
+        let standard = study.study.phases.0[trial.phase].1.varied().map_or(0.0, |(.., standard)| standard);
         let level = trial.level.unwrap_or(standard);
         let difference = (level - standard).abs() / self.people.threshold;
         if level == standard {
@@ -198,23 +195,11 @@ impl<'p> Person<'p> {
     }
 }
 
-/// What a run of a trial gave.
-struct Felt {
+/// The run of a trial.
+struct TrialRun {
     seconds: f64,
     is_open: bool,
     measures: Vec<(String, f64, String)>,
-}
-
-/// How simulated people feel their trials.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Motion {
-    /// The graph runs with its simulated hands until the conditions are reached, for at most so many seconds.
-    Simulated {
-        /// Longest trial, s.
-        longest_s: f64,
-    },
-    /// Nothing runs: for studies of statistics.
-    None,
 }
 
 /// A probed port: its name, the handle, the first value, and all magnitudes.
@@ -243,8 +228,13 @@ impl Probe {
     }
 }
 
-/// Runs a graph offline until the conditions of a phase are reached.
-fn feel(study: &Checked, phase: &Phase, graph: &Graph, longest_s: f64) -> Result<Felt, StudyError> {
+/// Runs a graph offline until the conditions of a phase are reached, or for the longest time, s.
+fn run_until_open(
+    study: &Checked,
+    phase: &Phase,
+    graph: &Graph,
+    longest_s: f64,
+) -> Result<TrialRun, StudyError> {
     let gates = phase.gates().map_or(&[][..], |gates| &gates.0);
     let mut ports: Vec<&str> = gates.iter().map(|(_, gate)| gate.port.text.as_str()).collect();
     ports.extend(study.study.measures.iter().map(|name: &Name| name.text.as_str()));
@@ -293,46 +283,12 @@ fn feel(study: &Checked, phase: &Phase, graph: &Graph, longest_s: f64) -> Result
             measures.push((format!("{} {what}", name.text), value, unit.clone()));
         }
     }
-    Ok(Felt { seconds, is_open, measures })
+    Ok(TrialRun { seconds, is_open, measures })
 }
 
 impl Checked {
-    /// The line of a trial, but for its answer.
-    pub fn row(&self, trial: &Trial) -> Row {
-        let study = &self.study;
-        let surface =
-            |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
-        let version = |of: Option<Stimulus>| {
-            of.map_or("", |of| of.version.map_or("real", |version| study.version_name(version))).to_owned()
-        };
-        let (name, phase) = &study.phases.0[trial.phase];
-        let question = match (phase, trial.question) {
-            (Phase::Questions(phase), Some(at)) => {
-                phase.questions.0.get(at).map(|(name, _)| name.text.clone())
-            }
-            _ => None,
-        };
-        let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
-        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
-        let file = rendered.and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
-        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
-        Row {
-            trial: trial.number,
-            phase: name.text.clone(),
-            training: trial.is_training,
-            scale: scale.or(question).unwrap_or_default(),
-            first_surface: surface(trial.first),
-            first_version: version(trial.first),
-            second_surface: surface(trial.second),
-            second_version: version(trial.second),
-            second_is_left_or_earlier: trial.is_swapped,
-            level: trial.level,
-            surface_sha256: surface_sha256.map_or_else(String::new, |bytes| crate::check::sha256(&bytes)),
-            ..Row::default()
-        }
-    }
-
-    /// Runs all trials of a simulated participant that are left, at most `most` of them. Returns how many there were.
+    /// Runs all trials of a simulated participant that are left, at most `most` of them, each for at most `longest_s`; without, no graph
+    /// runs and every answer is open. Returns how many there were.
     ///
     /// # Errors
     /// If the graph fails, or the data cannot be kept.
@@ -341,7 +297,7 @@ impl Checked {
         registry: &Registry,
         (claim, group): (&mut Claim, usize),
         people: &People,
-        motion: Motion,
+        longest_s: Option<f64>,
         most: usize,
     ) -> Result<usize, StudyError> {
         let code = claim.participant.participant.clone();
@@ -355,47 +311,45 @@ impl Checked {
             let seed = self.seed_of(&code, &trial);
             person.random = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "answer"));
             let mut row = self.row(&trial);
-            let felt = self.felt(registry, &trial, motion, seed)?;
+            let run = self.run(registry, &trial, longest_s, seed)?;
             person.answer(self, &trial, &mut row);
-            row.exploration_s = felt.seconds;
+            row.exploration_s = run.seconds;
             row.response_s = 1.0 + person.uniform();
-            if !felt.is_open {
+            if !run.is_open {
                 row.status = Status::Forced;
             }
-            claim.keep(row, &felt.measures)?;
+            claim.keep(row, &run.measures)?;
             count += 1;
         }
         Ok(count)
     }
 
-    fn felt(
+    fn run(
         &self,
         registry: &Registry,
         trial: &Trial,
-        motion: Motion,
+        longest_s: Option<f64>,
         seed: u64,
-    ) -> Result<Felt, StudyError> {
+    ) -> Result<TrialRun, StudyError> {
         let phase = &self.study.phases.0[trial.phase].1;
-        let mut all = Felt { seconds: 0.0, is_open: true, measures: Vec::new() };
-        let Motion::Simulated { longest_s } = motion else { return Ok(all) };
-        let of = [(trial.first, phase.standard()), (trial.second, trial.level)];
+        let mut all = TrialRun { seconds: 0.0, is_open: true, measures: Vec::new() };
+        let Some(longest_s) = longest_s else { return Ok(all) };
+        let of = [(trial.first, phase.varied().map(|(.., standard)| standard)), (trial.second, trial.level)];
         let of: Vec<_> = of.into_iter().filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
         for (number, (stimulus, level)) in of.iter().enumerate() {
             let graph = self.graph(registry, phase, (*stimulus, *level), seed)?;
-            let felt = feel(self, phase, &graph, longest_s)?;
+            let run = run_until_open(self, phase, &graph, longest_s)?;
             let prefix = if of.len() > 1 { ["first: ", "second: "][number] } else { "" };
-            let named = felt.measures.into_iter();
+            let named = run.measures.into_iter();
             all.measures.extend(named.map(|(name, value, unit)| (format!("{prefix}{name}"), value, unit)));
-            all.seconds += felt.seconds;
-            all.is_open &= felt.is_open;
+            all.seconds += run.seconds;
+            all.is_open &= run.is_open;
         }
         Ok(all)
     }
 }
 
-impl Folder {
-    /// Codes of so many simulated people, S001 and so on.
-    pub fn codes(people: usize) -> impl Iterator<Item = String> {
-        (1..=people).map(|number| format!("S{number:03}"))
-    }
+/// Codes of so many simulated people, S001 and so on.
+pub fn codes(people: usize) -> impl Iterator<Item = String> {
+    (1..=people).map(|number| format!("S{number:03}"))
 }

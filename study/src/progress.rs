@@ -51,8 +51,8 @@ impl Staircase {
 mod tests {
     use super::*;
     use haptograph_signal::statistics::mean;
+    use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
-    use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
     #[test]
     fn a_staircase_settles_where_its_share_of_answers_is_right() {
@@ -71,11 +71,10 @@ mod tests {
             at_most: 1000,
         };
         let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
-        let mut uniform = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let (mut answers, mut levels) = (Vec::new(), Vec::new());
         while let Some(level) = staircase.next_level(&answers) {
             // Right in 75 % where the level is 1.5: 0.5 + 0.5 (1 - 2^-(d / 0.5)).
-            let is_right = uniform() < 1.0 - 0.5 * 0.5_f64.powf((level - 1.0) / 0.5);
+            let is_right = random.random::<f64>() < 1.0 - 0.5 * 0.5_f64.powf((level - 1.0) / 0.5);
             answers.push(is_right);
             levels.push(level);
         }

@@ -7,7 +7,7 @@ static PUBLISHED: LazyLock<Value> =
     LazyLock::new(|| serde_json::from_str(include_str!("thesis-tables.json")).unwrap_or_default());
 
 /// All of it. `tables`, `studies` and `figures` are maps by number, `constants` a list. Keys that begin with `derived_` are not
-/// in the thesis: they follow from its numbers. `lines` are of a text without page numbers.
+/// in the thesis: they follow from its numbers.
 pub fn published() -> &'static Value {
     &PUBLISHED
 }

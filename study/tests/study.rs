@@ -4,7 +4,8 @@ use haptograph_nodes::registry;
 use haptograph_study::analyse::Analysis;
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{DataError, Folder, Row, Status};
-use haptograph_study::people::{Motion, People};
+use haptograph_study::document::Phase;
+use haptograph_study::people::{People, codes as people_codes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,6 +13,11 @@ use std::path::{Path, PathBuf};
 fn shipped(name: &str) -> Checked {
     let path = Path::new("../graphs/studies").join(name);
     Checked::load(&path, None).expect("a valid study")
+}
+
+/// A folder of data of simulated people.
+fn opened(path: &Path, study: &Checked, people: &People) -> Result<Folder, DataError> {
+    Folder::open(path, &study.identity(Some(people.parameters())))
 }
 
 /// A study of the text, beside the shipped graphs.
@@ -54,6 +60,10 @@ fn the_page_shows_the_first_study_as_it_is() {
     let file = fs::read_to_string("../graphs/studies/first.ron").expect("a study");
     let study = &file[file.find("Study(").expect("a study")..];
     assert!(page.contains(study));
+    let shown = &page[page.find("People(\n").expect("people")..];
+    let folder = tempfile::tempdir().expect("a folder");
+    let shown = &shown[..shown.find("```").expect("an end")];
+    assert_eq!(people(folder.path(), &shipped("responsiveness.ron"), shown).lapse, 0.02);
 }
 
 #[test]
@@ -112,7 +122,7 @@ fn an_order_depends_on_the_seed_and_the_code_alone() {
     let text = |seed: u64| {
         format!(
             r#"Study(format: 1, graph: "GRAPHS/omni.ron", seed: {seed},
-            surfaces: {{ "a": (file: "x.ron"), "b": (file: "x.ron"), "c": (file: "x.ron"), "d": (file: "x.ron") }},
+            surfaces: {{ "a": (file: "GRAPHS/surfaces/t3-tile.ron"), "b": (file: "GRAPHS/surfaces/t3-tile.ron"), "c": (file: "GRAPHS/surfaces/t3-tile.ron"), "d": (file: "GRAPHS/surfaces/t3-tile.ron") }},
             scales: {{ "s": (ask: "?", from: "a", to: "b") }},
             phases: {{ "r": Rate(repeats: 3, training: 2, order: [Shuffle(Surface)]) }})"#
         )
@@ -168,11 +178,10 @@ fn more_than_the_thesis_s_actuators_gave_needs_the_experimenter_s_word() {
 fn status(condition: &str, longest_s: f64) -> (Status, f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let study = written(folder.path(), &GATED.replace("PORT", condition)).expect("valid");
-    let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
     let mut claim = data.claim("S1", "all", true).expect("free");
-    let motion = Motion::Simulated { longest_s };
     let people = People::indifferent();
-    study.simulate(&registry(), (&mut claim, 0), &people, motion, usize::MAX).expect("it runs");
+    study.simulate(&registry(), (&mut claim, 0), &people, Some(longest_s), usize::MAX).expect("it runs");
     let row = claim.rows()[0].clone();
     let measure = data.measures().expect("measures").remove(0);
     (row.status, measure.value)
@@ -205,7 +214,7 @@ fn row(trial: u32, rating: f64) -> Row {
 fn an_interruption_at_any_byte_loses_no_answer_and_doubles_none() {
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
-    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
     let mut claim = data.claim("S1", "all", true).expect("free");
     for trial in 1..=3 {
         claim.keep(row(trial, 0.25), &[("way".to_owned(), 1.5, "m".to_owned())]).expect("kept");
@@ -217,9 +226,14 @@ fn an_interruption_at_any_byte_loses_no_answer_and_doubles_none() {
     for cut in last..whole.0.len() {
         fs::write(&trials, &whole.0[..cut]).expect("cut");
         assert_eq!(data.rows().expect("rows").len(), 2, "cut at {cut}");
-        assert_eq!(data.measures().expect("measures").len(), 2, "no numbers without a trial");
         let mut claim = data.claim("S1", "all", true).expect("free");
-        claim.keep(row(3, 0.5), &[]).expect("kept");
+        claim.keep(row(3, 0.5), &[("way".to_owned(), 2.5, "m".to_owned())]).expect("kept");
+        let way = data.measures().expect("measures").into_iter().map(|of| (of.trial, of.value));
+        assert_eq!(
+            way.collect::<Vec<_>>(),
+            [(1, 1.5), (2, 1.5), (3, 2.5)],
+            "numbers of the new attempt alone"
+        );
         let rows = claim.rows();
         let numbers: Vec<(u32, u32)> = rows.iter().map(|row| (row.trial, row.attempt)).collect();
         assert_eq!(numbers, [(1, 1), (2, 1), (3, 1)]);
@@ -233,12 +247,12 @@ fn killed_between_any_two_trials_a_study_goes_on_as_if_nothing_had_happened() {
     let study = shipped("real-and-virtual.ron");
     let run = |most: usize| {
         let folder = tempfile::tempdir().expect("a folder");
-        let data = Folder::open(folder.path(), &study, true).expect("a folder");
+        let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
         loop {
             // Each time as a new program would.
             let mut claim = data.claim("S1", "E", true).expect("free");
             let people = People::indifferent();
-            let done = study.simulate(&registry(), (&mut claim, 1), &people, Motion::None, most);
+            let done = study.simulate(&registry(), (&mut claim, 1), &people, None, most);
             if done.expect("it runs") == 0 {
                 break;
             }
@@ -257,7 +271,7 @@ fn killed_between_any_two_trials_a_study_goes_on_as_if_nothing_had_happened() {
 fn two_programs_cannot_run_one_participant() {
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
-    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
     let mut claim = data.claim("S1", "all", true).expect("free");
     assert_eq!(data.claim("S1", "all", true).err(), Some(DataError::Busy { code: "S1".to_owned() }));
     data.claim("S2", "all", true).expect("another one");
@@ -275,7 +289,7 @@ fn two_programs_cannot_run_one_participant() {
 fn a_participant_who_withdraws_leaves_one_line() {
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
-    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
     for code in ["S1", "S2"] {
         let mut claim = data.claim(code, "all", true).expect("free");
         claim.keep(row(1, 0.25), &[("way".to_owned(), 1.5, "m".to_owned())]).expect("kept");
@@ -300,17 +314,24 @@ fn a_participant_who_withdraws_leaves_one_line() {
 fn a_folder_keeps_to_its_study() {
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
-    Folder::open(folder.path(), &study, true).expect("new");
-    Folder::open(folder.path(), &study, true).expect("again");
-    assert!(matches!(Folder::open(folder.path(), &study, false), Err(DataError::Mixed { .. })));
+    opened(folder.path(), &study, &People::indifferent()).expect("new");
+    opened(folder.path(), &study, &People::indifferent()).expect("again");
+    assert!(matches!(Folder::open(folder.path(), &study.identity(None)), Err(DataError::Mixed { .. })));
     let other = shipped("components.ron");
-    assert!(matches!(Folder::open(folder.path(), &other, true), Err(DataError::OtherStudy { .. })));
+    assert!(matches!(
+        opened(folder.path(), &other, &People::indifferent()),
+        Err(DataError::OtherStudy { .. })
+    ));
+    let others = People { lapse: 0.5, ..People::indifferent() };
+    let mixed = opened(folder.path(), &study, &others);
+    assert!(matches!(mixed, Err(DataError::OtherPeople { .. })));
+    assert!(matches!(Folder::existing(&folder.path().join("none")), Err(DataError::NoStudy { .. })));
 }
 
-fn people(folder: &Path, text: &str) -> People {
+fn people(folder: &Path, study: &Checked, text: &str) -> People {
     let path: PathBuf = folder.join("people.ron");
     fs::write(&path, text).expect("written");
-    People::load(&path).expect("people")
+    People::load(&path, study).expect("people")
 }
 
 #[test]
@@ -319,13 +340,13 @@ fn the_analysis_finds_what_simulated_people_prefer() {
     let study = shipped("responsiveness.ron");
     let people = people(
         folder.path(),
+        &study,
         r#"People(format: 1, noise_sd: 0.05, values: { "similarity": { "silk, phi": -0.3, "silk": 0.1 } })"#,
     );
-    people.check(&study).expect("known names");
-    let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
-    for code in Folder::codes(15) {
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+    for code in people_codes(15) {
         let mut claim = data.claim(&code, "all", true).expect("free");
-        study.simulate(&registry(), (&mut claim, 0), &people, Motion::None, usize::MAX).expect("it runs");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
     }
     let analysis = Analysis::of(&data.study().expect("a copy"), &data).expect("analysed");
     assert!(analysis.simulated && analysis.left_out.is_empty(), "{:?}", analysis.left_out);
@@ -348,7 +369,28 @@ fn the_analysis_finds_what_simulated_people_prefer() {
     for (from, to, p) in compared {
         assert_eq!(p < 1e-3, to == "phi" || from == "phi", "{from} {to} {p}");
     }
-    assert!(analysis.tables().expect("tables").iter().any(|(name, _)| *name == "comparisons.csv"));
+    let size = analysis.comparisons.iter().find(|row| row.surface == "silk" && row.d_z.is_some());
+    let size = size.expect("a size of the effect");
+    assert!(
+        size.test == "repeated measures" && size.d_z_low < size.d_z && size.d_z < size.d_z_high,
+        "{size:?}"
+    );
+    for (name, table) in analysis.tables().expect("tables") {
+        let mut lines = table.lines();
+        assert!(lines.next().is_none_or(|header| header.ends_with(",simulated")), "{name}");
+        assert!(lines.all(|line| line.ends_with(",true")), "{name}");
+    }
+    // Without an effect two versions are the same within a tenth, with one of 0.3 they are not.
+    let compare =
+        study.study.phases.0.iter().position(|(name, _)| name.text == "similarity").expect("a phase");
+    let mut bounded = study.study.clone();
+    let Phase::Compare(phase) = &mut bounded.phases.0[compare].1 else { panic!("a comparison") };
+    phase.same_within = Some(0.1);
+    let analysis = Analysis::of(&bounded, &data).expect("analysed");
+    let p = |of: &str, with: &str| {
+        analysis.relations.iter().find(|row| (&*row.of, &*row.with) == (of, with)).expect("a test").p
+    };
+    assert!(p("tile, F", "tile, FS") < 0.05 && p("silk, F", "silk, phi") > 0.9);
 }
 
 #[test]
@@ -364,11 +406,11 @@ fn a_staircase_of_simulated_people_gives_their_threshold_back() {
         })"#;
     let study = written(folder.path(), text).expect("valid");
     study.check_graph(&registry()).expect("on its graph");
-    let people = people(folder.path(), "People(format: 1, threshold: 0.1)");
-    let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
-    for code in Folder::codes(4) {
+    let people = people(folder.path(), &study, "People(format: 1, threshold: 0.1)");
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+    for code in people_codes(4) {
         let mut claim = data.claim(&code, "all", true).expect("free");
-        study.simulate(&registry(), (&mut claim, 0), &people, Motion::None, usize::MAX).expect("it runs");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
     }
     let analysis = Analysis::of(&study.study, &data).expect("analysed");
     let all: Vec<_> = analysis.thresholds.iter().filter(|row| row.participant.is_empty()).collect();
@@ -383,7 +425,7 @@ fn a_staircase_of_simulated_people_gives_their_threshold_back() {
 fn a_removal_can_be_repeated_and_leaves_a_table_that_others_go_on_with() {
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
-    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
     let mut other = data.claim("S2", "all", true).expect("free");
     data.claim("S1", "all", true).expect("free").keep(row(1, 0.25), &[]).expect("kept");
     let trials = folder.path().join("trials.csv");
@@ -402,12 +444,12 @@ fn a_removal_can_be_repeated_and_leaves_a_table_that_others_go_on_with() {
 fn a_participant_keeps_to_a_group_and_a_folder_without_its_study_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("components.ron");
-    let data = Folder::open(folder.path(), &study, true).expect("a folder");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
     drop(data.claim("S1", "1", true).expect("free"));
     assert!(matches!(data.claim("S1", "2", true), Err(DataError::OtherGroup { .. })));
     fs::remove_file(folder.path().join("study.json")).expect("removed");
-    let opened = Folder::open(folder.path(), &shipped("first.ron"), true);
-    assert!(matches!(opened, Err(DataError::OtherStudy { .. })));
+    let swapped = opened(folder.path(), &shipped("first.ron"), &People::indifferent());
+    assert!(matches!(swapped, Err(DataError::OtherStudy { .. })));
 }
 
 #[test]
@@ -415,13 +457,17 @@ fn what_a_participant_would_meet_first_is_found_by_a_check() {
     let folder = tempfile::tempdir().expect("a folder");
     let with = |phases: &str| {
         let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron",
-            surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "gone": (file: "gone.ron"), "rock": (sample: "tray") },
+            surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "broken": (file: "broken.ron"), "rock": (sample: "tray") },
             scales: { "s": (ask: "?", from: "a", to: "b") }, phases: { PHASES })"#;
         written(folder.path(), &text.replace("PHASES", phases))
     };
     let wrong = |phases: &str| codes(with(phases).unwrap_err());
-    let missing = with(r#""r": Rate(surfaces: ["tile"])"#).expect("names").check_graph(&registry());
-    assert!(matches!(missing, Err(StudyError::Graph { of, .. }) if of == "gone, virtual"));
+    assert_eq!(wrong(r#""r": Rate(surfaces: ["tile"])"#), ["E0108"]);
+    fs::write(folder.path().join("broken.ron"), "Surface(").expect("written");
+    let broken = with(r#""r": Rate(surfaces: ["tile"])"#).expect("names").check_graph(&registry());
+    assert!(matches!(broken, Err(StudyError::Graph { of, .. }) if of == "broken, virtual"));
+    let study = with(r#""r": Rate(stimuli: [Real, Virtual], surfaces: ["tile", "rock"])"#).expect("names");
+    assert_eq!(study.study.lacking(&study.study.phases.0[0].1), ["tile", "rock"]);
     let constant =
         r#""c": ConstantStimuli(ask: "?", surface: "rock", parameter: "gain", standard: 1, levels: [2])"#;
     assert_eq!(wrong(constant), ["E0304"]);
@@ -451,15 +497,15 @@ fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
         let study = written(folder.path(), &text.replace("END", end)).expect("valid");
         let people = people(
             folder.path(),
+            &study,
             r#"People(format: 1, bias_sd: 0.0, noise_sd: 0.02,
                 values: { "r": { "a": -0.4, "b": -0.1, "c": 0.0, "d": 0.2, "e": 0.4 } },
                 places: { "a, real": [0.0], "b, real": [0.3], "c, real": [0.4], "d, real": [0.6], "e, real": [0.8] })"#,
         );
-        people.check(&study).expect("known names");
-        let data = Folder::open(&folder.path().join("data"), &study, true).expect("a folder");
-        for code in Folder::codes(5) {
+        let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+        for code in people_codes(5) {
             let mut claim = data.claim(&code, "all", true).expect("free");
-            study.simulate(&registry(), (&mut claim, 0), &people, Motion::None, usize::MAX).expect("it runs");
+            study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
         }
         Analysis::of(&study.study, &data).expect("analysed")
     };
@@ -473,4 +519,34 @@ fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
         to.relations[0].value
     );
     assert!(from.scree.iter().zip(&to.scree).all(|(a, b)| near(a.stress, b.stress)));
+}
+
+#[test]
+fn a_table_that_a_spreadsheet_saved_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
+    data.claim("S1", "all", true).expect("free").keep(row(1, 0.25), &[]).expect("kept");
+    let path = folder.path().join("trials.csv");
+    let text = fs::read_to_string(&path).expect("a table");
+    let saved = text.replace("false", "FALSE").replace("true", "TRUE").replace('\n', "\r\n");
+    fs::write(&path, format!("\u{feff}{saved}")).expect("written");
+    let rows = data.rows().expect("rows");
+    assert_eq!((rows.len(), rows[0].training, rows[0].simulated), (1, false, true));
+    data.claim("S1", "all", true).expect("free").keep(row(2, 0.5), &[]).expect("kept");
+    assert_eq!(data.rows().expect("rows").len(), 2);
+}
+
+#[test]
+fn a_code_without_a_number_has_no_row_of_a_latin_square() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |order: &str| {
+        let text = GATED.replace("opens_when: { \"gate\": (PORT) }", order);
+        written(folder.path(), &text).expect("valid")
+    };
+    let latin = of("order: [Latin(Surface)]");
+    latin.check_code("P07").expect("a code");
+    assert!(matches!(latin.check_code("Anna"), Err(DataError::NoNumber { .. })));
+    of("order: [Shuffle(Surface)]").check_code("Anna").expect("a code");
+    assert!(matches!(latin.check_code("a\nb1"), Err(DataError::Code { .. })));
 }
