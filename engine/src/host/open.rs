@@ -117,10 +117,10 @@ impl Graph {
     /// [`HostError::Unknown`] with the existing outputs.
     pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
         self.output_called(name).ok_or_else(|| {
-            let ports = self.nodes().iter().flat_map(|node| match &*node.outputs {
-                [_] => vec![node.path.clone()],
-                several => several.iter().map(|port| format!("{}.{}", node.path, port.name)).collect(),
-            });
+            let ports = self
+                .nodes()
+                .iter()
+                .flat_map(|node| node.outputs.iter().map(move |port| format!("{}.{}", node.path, port.name)));
             unknown("output", name, &ports.collect::<Vec<_>>())
         })
     }
