@@ -11,7 +11,7 @@ use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_addres
 use qrcode::render::unicode::Dense1x2;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use std::{io, process};
 
@@ -86,9 +86,14 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
         // The address was printed: without a desktop it is opened by hand.
         let _ = present::open(studio.url().as_ref());
     }
+    wait(&studio, &stop)
+}
+
+/// Serves the pages until the program is to stop.
+pub(super) fn wait(studio: &Studio, stop: &AtomicBool) -> Result<(), Failure> {
     let (mut confirmation, mut said) = (Confirmation::default(), None);
     while !stop.load(Ordering::Relaxed) {
-        confirmation.poll(&studio)?;
+        confirmation.poll(studio)?;
         let trouble = studio.trouble();
         if let Some(trouble) = trouble.filter(|trouble| said.as_ref() != Some(trouble)) {
             eprint(&format!("warning: no page can connect now: {trouble}\n"));
@@ -107,18 +112,23 @@ fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<process::C
 }
 
 /// The given address, or the network address of this machine.
-fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
+pub(super) fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
     given.or_else(lan_address).ok_or_else(|| {
         let why = "found no network; give the address at which other machines reach this one: --lan=ADDRESS";
         Failure::Message(why.to_owned())
     })
 }
 
-/// The address and code for other machines, with a warning.
-fn invitation(url: &str) -> Result<String, Failure> {
+/// An address as a QR code.
+pub(super) fn code(url: &str) -> Result<String, Failure> {
     let code = qrcode::QrCode::new(url).map_err(Failure::message)?;
     // Dark on light, as cameras expect it, even on a dark terminal.
-    let code = code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build();
+    Ok(code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build())
+}
+
+/// The address and code for other machines, with a warning.
+fn invitation(url: &str) -> Result<String, Failure> {
+    let code = code(url)?;
     Ok(format!(
         "warning: --lan lets other machines in. Anyone with this address, or who records the unencrypted traffic, \
          can move the pad, turn settings and parameters, see the graph and its signals, and read the files of its folders that \
@@ -127,7 +137,7 @@ fn invitation(url: &str) -> Result<String, Failure> {
     ))
 }
 
-fn failure(error: StudioError) -> Failure {
+pub(super) fn failure(error: StudioError) -> Failure {
     match error {
         StudioError::Graph(wrong) => Failure::Graph(wrong),
         StudioError::Other(why) => Failure::Message(why),

@@ -1,5 +1,7 @@
 //! `haptograph study`: studies with people.
 
+mod run;
+
 use super::interrupt;
 use super::placing::{Force, RunFolder};
 use super::progress::Progress;
@@ -16,7 +18,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// Check, plan and simulate a study with people
+/// Check, plan, run, simulate and analyse a study with people
 ///
 /// A study is a RON file beside its graph (docs/studies.md): surfaces, scales, phases. Its trials are drawn from its seed and the
 /// participant's code alone.
@@ -50,6 +52,11 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Run a study with people: a page for the participant, one for the experimenter
+    ///
+    /// Nothing is kept before the participant agrees; an answer is on disk before the next trial begins. The same command goes on where a
+    /// session ended. Devices are simulated unless the study, --live or --endpoints names another set.
+    Run(run::Arguments),
     /// Run a study with people who do not exist
     ///
     /// The graph runs with its simulated hands, so that the conditions of a trial and its measures are real; the answers are those of
@@ -126,6 +133,7 @@ fn failure(error: StudyError) -> Failure {
 
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     match &arguments.command {
+        Command::Run(arguments) => run::run(arguments, registry),
         Command::Check { study, json } => check(&study.load()?, registry, *json),
         Command::Plan { study, participant, group, json } => {
             let study = study.load()?;

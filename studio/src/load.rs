@@ -19,6 +19,8 @@ pub(crate) struct Source {
     pub registry: Registry,
     /// Parameters that override the defaults.
     pub set: Vec<(String, String)>,
+    /// Seed in place of the graph's own.
+    pub seed: Option<u64>,
     /// The set of endpoints that supplies the devices other than pads.
     pub endpoints: String,
     /// Folders of surfaces, besides the graph's own.
@@ -54,6 +56,7 @@ impl Source {
             path,
             registry: registry.clone(),
             set,
+            seed: None,
             endpoints: SIMULATED.to_owned(),
             surfaces: Vec::new(),
             roots: None,
@@ -126,7 +129,8 @@ impl Source {
     pub(crate) fn options(&self, document: &Document) -> CheckOptions {
         let set = self.set.iter();
         let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
-        let options = CheckOptions::default().endpoints(&self.endpoints);
+        let mut options = CheckOptions::default().endpoints(&self.endpoints);
+        options.seed = self.seed;
         let default_of = |name: &str| {
             let mut parameters = document.parameters();
             parameters.find(|(known, _)| *known == name).map_or("", |(_, default)| default)

@@ -6,6 +6,14 @@ use haptograph_engine::graph::Graph;
 use haptograph_engine::host::{AnyInput, HostError};
 use haptograph_nodes::simulated::touchable::Touchable;
 use haptograph_signal::vector::{reject, scale, sub};
+use serde_json::{Value, json};
+
+impl PadSpec {
+    /// What everybody may know of it.
+    pub(crate) fn plain(&self) -> Value {
+        json!({ "width_mm": self.size_mm.0, "height_mm": self.size_mm.1, "force_n": FULL_N })
+    }
+}
 
 /// Force at full pressure of a pen, N, since tablets do not report newtons.
 pub(crate) const FULL_N: f64 = 3.0;
@@ -47,6 +55,11 @@ impl Pad {
             latest: (0.0, None),
             given: (0.0, Touch::default(), LIFTED_M),
         })
+    }
+
+    /// Force of the latest pointer, N.
+    pub(crate) fn force_n(&self) -> f64 {
+        self.latest.1.map_or(0.0, |pointer| pointer.force_n)
     }
 
     /// Moves the pad to the same endpoint of another graph.

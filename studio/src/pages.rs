@@ -28,6 +28,8 @@ pub(crate) enum Reach {
     Machine,
     /// On another machine, over a network that others can record.
     Network,
+    /// Of the participant of a study, on any machine: it sees what it is told and nothing else.
+    Participant,
 }
 
 /// A connected page.
@@ -55,9 +57,21 @@ pub(crate) struct Pages {
 }
 
 impl Page {
-    /// Sends a message to a page that may not read. Lost samples are counted; if a text is lost, such as the new graph,
-    /// the page is disconnected and receives the full state when it reconnects.
+    /// Sends a text that a participant may see.
+    pub(crate) fn tell(&mut self, message: Message) {
+        self.put(message);
+    }
+
+    /// Sends a message to a page, but no text to a participant's: names and settings do not reach it.
     pub(crate) fn send(&mut self, message: Message) {
+        if self.reach != Reach::Participant || matches!(message, Message::Binary(_)) {
+            self.put(message);
+        }
+    }
+
+    /// Puts a message on the line of a page that may not read. Lost samples are counted; if a text is lost, such as the new graph,
+    /// the page is disconnected and receives the full state when it reconnects.
+    fn put(&mut self, message: Message) {
         let is_text = matches!(message, Message::Text(_));
         match self.line.send(message) {
             Ok(()) => {}

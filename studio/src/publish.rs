@@ -27,6 +27,7 @@ impl Publisher {
     /// Call it about every [`STEP`].
     pub(crate) fn publish(&mut self, stage: &mut Stage) {
         stage.look();
+        stage.conduct();
         send_samples(stage);
         stage.end_what_is_over();
         self.looks += 1;
@@ -52,6 +53,7 @@ impl Publisher {
 
 /// Sends the data that the last [`Stage::look`] collected.
 pub(crate) fn send_samples(stage: &mut Stage) {
+    let renders = stage.study_renders();
     let Stage { pages, signals, .. } = stage;
     let Signals { scopes, sound, .. } = signals;
     let sound = sound.as_ref().and_then(|sound| {
@@ -68,7 +70,7 @@ pub(crate) fn send_samples(stage: &mut Stage) {
             }
         }
         page.wanted = wanted;
-        if let Some(sound) = sound.as_ref().filter(|_| page.hears) {
+        if let Some(sound) = sound.as_ref().filter(|_| page.hears && renders) {
             page.send(Message::Binary(sound.clone()));
         }
     }

@@ -86,6 +86,9 @@ pub(crate) struct Recording {
     pub graph: String,
     pub text: String,
     pub set: Vec<(String, String)>,
+    /// Seed in place of the graph's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// Rate of the driver, Hz, and number of frames.
     pub rate_hz: f64,
     pub frames: u64,
@@ -236,6 +239,7 @@ impl Recording {
             graph: source.name(),
             text: text.to_owned(),
             set: source.set.clone(),
+            seed: source.seed,
             rate_hz,
             frames: 0,
             moves: Vec::new(),
@@ -301,6 +305,8 @@ pub(crate) struct Recorder {
     /// The folder for recorded runs, and the folder of this run.
     pub out: Option<PathBuf>,
     pub folder: Option<PathBuf>,
+    /// Name of the next folder, in which no page is written; one of the graph if there is none.
+    pub name: Option<String>,
     /// The folders that were made there, whose pages may be seen.
     pub made: Vec<PathBuf>,
     pub recording: Option<Recording>,

@@ -7,6 +7,7 @@ mod pages;
 mod record;
 mod replay;
 mod run_cycle;
+mod study;
 mod swap;
 
 use super::actuators::{Actuator, Sound};
@@ -55,6 +56,8 @@ pub(crate) struct Stage {
     pub signals: Signals,
     pub pages: Pages,
     pub recorder: Recorder,
+    /// The study that its pages conduct, if they do.
+    pub study: Option<study::OnStage>,
 }
 
 /// The signals of the run that pages write, see and hear.
@@ -93,6 +96,7 @@ impl Stage {
             signals: Signals { rate_hz: 1.0, ..Signals::default() },
             pages: Pages::default(),
             recorder: Recorder::default(),
+            study: None,
         };
         stage.start()?;
         Ok(stage)
@@ -192,7 +196,7 @@ impl Stage {
     /// Applies pointer events of a page to a pad; ignored for pages that do not own the pads, and during a
     /// replay.
     pub(crate) fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
-        if self.pages.owner != Some(page) || self.cycle.replay.is_some() {
+        if self.pages.owner != Some(page) || self.cycle.replay.is_some() || !self.study_feels() {
             return;
         }
         let (frame, now_s) = (self.frames(), self.now_s());

@@ -57,10 +57,13 @@ pub(crate) enum Incoming {
 }
 
 /// Adds a page; returns its number and the first messages to it.
-pub(crate) fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u64, [Message; 2]) {
+pub(crate) fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u64, Vec<Message>) {
+    if let Some(hello) = stage.study_greeting(reach) {
+        return (stage.join(line, reach), vec![text(&hello)]);
+    }
     let hello = describe::hello(&stage.source.registry, &stage.host, reach);
     let graph = describe::graph(stage);
-    (stage.join(line, reach), [text(&hello), text(&graph)])
+    (stage.join(line, reach), vec![text(&hello), text(&graph)])
 }
 
 /// Handles a message, except for work that takes long.
@@ -100,6 +103,9 @@ fn refused(error: &dyn std::fmt::Display) -> Response {
 }
 
 fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
+    if stage.study.is_some() {
+        return stage.hear_in_study(page, message);
+    }
     let of_page = stage.pages.list.iter().find(|known| known.id == page);
     if message.is_for_machine() && of_page.is_none_or(|page| page.reach != Reach::Machine) {
         return refused_because(&message, NOT_HERE);
@@ -238,6 +244,9 @@ fn listed(wrong: &Diagnostics) -> Value {
 
 /// Sends the running graph to all pages.
 pub(crate) fn tell_graph(stage: &mut Stage) {
+    if stage.study.is_some() {
+        return;
+    }
     let message = text(&describe::graph(stage));
     stage.pages.list.iter_mut().for_each(|page| page.send(message.clone()));
 }

@@ -2,6 +2,7 @@
 
 use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::record::Recording;
+use haptograph_study::conduct::Said;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -111,6 +112,8 @@ pub(crate) enum ClientMessage {
     Disarm,
     /// Make this page the owner.
     Own,
+    /// What a page of a study says.
+    Study(Said),
 }
 
 impl ClientMessage {
@@ -196,7 +199,7 @@ pub(crate) fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError>
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 19] = [
+    const KINDS: [&str; 20] = [
         "learn",
         "cancel",
         "record",
@@ -216,6 +219,7 @@ pub(crate) fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError>
         "gain",
         "hold",
         "disarm",
+        "study",
     ];
     check_length(text)?;
     let wrong = |error: serde_json::Error| WireError::Json(error.to_string());

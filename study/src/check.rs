@@ -155,6 +155,38 @@ impl Checked {
         }
     }
 
+    /// The parameters of the graph with which it renders a stimulus of a phase, as RON.
+    pub fn parameters(
+        &self,
+        phase: &Phase,
+        (stimulus, level): (Option<Stimulus>, Option<f64>),
+    ) -> Vec<(String, String)> {
+        let mut all: Vec<(String, String)> = Vec::new();
+        let mut set = |name: &str, value: String| {
+            all.retain(|(known, _)| known != name);
+            all.push((name.to_owned(), value));
+        };
+        let version = stimulus.and_then(|stimulus| self.study.versions.0.get(stimulus.version?));
+        let practised = match phase {
+            Phase::Practice(practice) => Some(&practice.settings),
+            _ => None,
+        };
+        let maps = [Some(&self.study.settings), version.map(|(_, values)| values), practised];
+        for (name, value) in maps.into_iter().flatten().flat_map(|values| &values.0) {
+            set(&name.text, value.show());
+        }
+        let file = stimulus.and_then(|stimulus| self.study.surfaces.0[stimulus.surface].1.file.as_ref());
+        if let Some(file) = file {
+            // The graph's paths are relative to the graph.
+            let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
+            set(&self.study.surface_parameter, file.display().to_string());
+        }
+        if let (Some(level), Some((_, parameter, _))) = (level, phase.varied()) {
+            set(&parameter.text, level.show());
+        }
+        all
+    }
+
     /// The graph that renders a stimulus of a phase.
     ///
     /// # Errors
@@ -167,27 +199,7 @@ impl Checked {
         seed: u64,
     ) -> Result<Graph, StudyError> {
         let mut options = CheckOptions::default().endpoints(self.study.endpoints.clone()).seed(seed);
-        let mut set = |values: &Named<haptograph_engine::document::value::Value>| {
-            for (name, value) in &values.0 {
-                options.set.retain(|(known, _)| *known != name.text);
-                options.set.push((name.text.clone(), value.show()));
-            }
-        };
-        set(&self.study.settings);
-        let version = stimulus.and_then(|stimulus| self.study.versions.0.get(stimulus.version?));
-        version.iter().for_each(|(_, values)| set(values));
-        if let Phase::Practice(practice) = phase {
-            set(&practice.settings);
-        }
-        let file = stimulus.and_then(|stimulus| self.study.surfaces.0[stimulus.surface].1.file.as_ref());
-        if let Some(file) = file {
-            // The graph's paths are relative to the graph.
-            let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
-            options = options.set(self.study.surface_parameter.clone(), file.display().to_string());
-        }
-        if let (Some(level), Some((_, parameter, _))) = (level, phase.varied()) {
-            options = options.set(parameter.text.clone(), level.show());
-        }
+        options.set = self.parameters(phase, (stimulus, level));
         check(&self.document, registry, &options).map_err(|findings| {
             let of = stimulus.map_or_else(|| "the study's settings".to_owned(), |of| self.name(of));
             StudyError::Graph { of, findings }
@@ -277,6 +289,7 @@ impl Checked {
         };
         Identity {
             about: self.study.about.clone(),
+            endpoints: self.study.endpoints.clone(),
             haptograph: env!("CARGO_PKG_VERSION"),
             study: self.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             study_sha256: hash(text.as_bytes()),

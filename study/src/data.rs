@@ -83,6 +83,17 @@ pub struct Participant {
     pub simulated: bool,
 }
 
+/// A line of `notes.csv`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)] // see CODEBOOK
+pub struct Note {
+    pub participant: String,
+    /// 0 between trials.
+    pub trial: u32,
+    pub time_utc: String,
+    pub text: String,
+}
+
 /// What each column means, as `codebook.md`.
 const CODEBOOK: &str = "\
 # Codebook
@@ -128,6 +139,13 @@ UTF-8, comma separated, one header line, empty where there is no value, `true` a
 
 Conditions (what was gained during the trial) by their names; mean, sd and largest magnitude of the study's measures. Of two
 virtual stimuli each has its own, `first: ` and `second: `. A number whose trial is not in trials.csv is of an interrupted attempt.
+
+## notes.csv: a note of the experimenter, or an interruption (`STOP`, `paused`), with the trial during which it was made
+
+## signals/PARTICIPANT/TRIAL-ATTEMPT-RUN: the runs in which something was felt, in their order
+
+`strokes.json` has the moves, the parameters of the graph and the seed, and can be replayed; the other files are those that the graph writes.
+A trial has several runs if two stimuli took turns, or if it was interrupted.
 ";
 
 /// Why data cannot be read or kept.
@@ -136,7 +154,7 @@ virtual stimuli each has its own, `first: ` and `second: `. A number whose trial
 pub enum DataError {
     #[error("{}: {message}", path.display())]
     File { path: PathBuf, message: String },
-    #[error("{} holds data of another version of the study; finish with that one, or give another folder", path.display())]
+    #[error("{} holds data of another version of the study, or of other endpoints; finish with that one, or give another folder", path.display())]
     OtherStudy { path: PathBuf },
     #[error("{} holds data of {there} participants; give another folder", path.display())]
     Mixed { path: PathBuf, there: &'static str },
@@ -167,6 +185,8 @@ pub enum DataError {
 pub struct Identity {
     /// What the study asks.
     pub about: String,
+    /// The set of endpoints: `simulated` unless devices are real.
+    pub endpoints: String,
     /// Version of the program.
     pub haptograph: &'static str,
     /// Name of the study's file.
@@ -210,6 +230,11 @@ fn file_error(path: &Path, message: impl std::fmt::Display) -> DataError {
 fn now_utc() -> String {
     let now = Timestamp::now();
     Timestamp::from_second(now.as_second()).unwrap_or(now).to_string()
+}
+
+/// A text without line breaks: a trial is a line.
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// The text of a table. A last line without its end was never confirmed, and is left out.
@@ -321,7 +346,7 @@ impl Folder {
             Ok(text) => {
                 let before: serde_json::Value =
                     serde_json::from_slice(&text).map_err(|error| file_error(&own, error))?;
-                let same = ["study_sha256", "graph_sha256", "surface_sha256"];
+                let same = ["study_sha256", "graph_sha256", "surface_sha256", "endpoints"];
                 if same.iter().any(|key| before[key] != about[key]) {
                     return Err(DataError::OtherStudy { path: folder.path });
                 }
@@ -512,6 +537,8 @@ impl Folder {
         let known = participants.iter_mut().find(|known| known.participant == code).ok_or_else(unknown)?;
         let (mut rows, mut measures) = (self.rows()?, read::<Measure>(&self.table("measures.csv"))?);
         let before = (rows.len(), measures.len());
+        let mut notes = read::<Note>(&self.table("notes.csv"))?;
+        notes.retain(|note| note.participant != code);
         rows.retain(|row| row.participant != code);
         measures.retain(|measure| measure.participant != code);
         let (trials, numbers) = (before.0 - rows.len(), before.1 - measures.len());
@@ -522,11 +549,13 @@ impl Folder {
         replace(&self.table("participants.csv"), &participants)?;
         replace(&self.table("trials.csv"), &rows)?;
         replace(&self.table("measures.csv"), &measures)?;
+        replace(&self.table("notes.csv"), &notes)?;
         let signals = self.path.join("signals").join(code);
         let runs = fs::read_dir(&signals).map_or(0, Iterator::count);
         // What was computed with the participant, or left of an interrupted line, is theirs too.
         unless_missing(fs::remove_dir_all(&signals), &signals)?;
-        let left = ["trials.interrupted", "measures.interrupted"].map(|name| self.table(name));
+        let left =
+            ["trials.interrupted", "measures.interrupted", "notes.interrupted"].map(|name| self.table(name));
         let computed = files::list(&self.path.join("analysis"));
         let computed = computed.into_iter().filter(|file| file.extension().is_some_and(|of| of == "csv"));
         for file in computed.chain(left) {
@@ -541,6 +570,17 @@ impl Folder {
 }
 
 impl Claim {
+    /// Keeps a note about a trial; 0 between trials.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn note(&self, trial: u32, text: &str) -> Result<(), DataError> {
+        let participant = self.participant.participant.clone();
+        let note = Note { participant, trial, time_utc: now_utc(), text: one_line(text) };
+        let _tables = self.folder.lock()?;
+        append(&self.folder.table("notes.csv"), &[note], |_| Ok(()))
+    }
+
     /// The participant's attempts so far.
     pub fn rows(&self) -> &[Row] {
         &self.rows
@@ -560,8 +600,7 @@ impl Claim {
             simulated: self.participant.simulated,
             session: self.session.clone(),
             time_utc: now_utc(),
-            // A trial is a line.
-            text: row.text.split_whitespace().collect::<Vec<_>>().join(" "),
+            text: one_line(&row.text),
             ..row
         };
         let measure = |(name, value, unit): &(String, f64, String)| Measure {

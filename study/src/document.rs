@@ -78,8 +78,14 @@ settings! {
         stop: Option<String> = None;
         /// While the experimenter prepares a trial.
         wait: Option<String> = None;
+        /// On the button with which the participant starts a trial of real actuators.
+        start: Option<String> = None;
         /// At the end.
         thanks: Option<String> = None;
+        /// Beside the force of a mouse or a finger on the page's pad.
+        force: Option<String> = None;
+        /// Beside the loudness of the masking noise.
+        noise: Option<String> = None;
         /// The first of two stimuli that take turns.
         first: Option<String> = None;
         /// The second of two stimuli that take turns.

@@ -2,10 +2,12 @@
 
 pub mod analyse;
 pub mod check;
+pub mod conduct;
 pub mod data;
 pub mod document;
 pub mod order;
 pub mod people;
 pub mod progress;
 pub mod statistics;
+pub mod tally;
 pub mod thesis;

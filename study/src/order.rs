@@ -216,15 +216,25 @@ impl Study {
 impl Phase {
     /// The groups that take part; all if empty.
     pub fn groups(&self) -> &[Name] {
+        self.common().0
+    }
+
+    /// Its instruction.
+    pub fn text(&self) -> &str {
+        self.common().1
+    }
+
+    /// What every phase has: groups and instruction.
+    fn common(&self) -> (&[Name], &str) {
         match self {
-            Self::Practice(phase) => &phase.groups,
-            Self::Explore(phase) => &phase.groups,
-            Self::Rate(phase) => &phase.groups,
-            Self::Compare(phase) => &phase.groups,
-            Self::Pairs(phase) => &phase.groups,
-            Self::Questions(phase) => &phase.groups,
-            Self::ConstantStimuli(phase) => &phase.groups,
-            Self::Staircase(phase) => &phase.groups,
+            Self::Practice(of) => (&of.groups, &of.text),
+            Self::Explore(of) => (&of.groups, &of.text),
+            Self::Rate(of) => (&of.groups, &of.text),
+            Self::Compare(of) => (&of.groups, &of.text),
+            Self::Pairs(of) => (&of.groups, &of.text),
+            Self::Questions(of) => (&of.groups, &of.text),
+            Self::ConstantStimuli(of) => (&of.groups, &of.text),
+            Self::Staircase(of) => (&of.groups, &of.text),
         }
     }
 

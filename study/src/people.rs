@@ -6,18 +6,16 @@ use crate::data::{Claim, Row, Status};
 use crate::document::{Phase, Question};
 use crate::order::{Stimulus, Trial};
 use crate::progress::next;
+use crate::tally::Tally;
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics};
 use haptograph_engine::document::SettingsFile;
-use haptograph_engine::document::value::Name;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::host::AnyOutput;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{Player, SessionOptions};
 use haptograph_engine::settings;
 use haptograph_engine::settings::{Named, Setting};
 use haptograph_signal::files::{self, MAX_GRAPH_BYTES};
 use haptograph_signal::noise::stream_seed;
-use haptograph_signal::statistics::{mean, standard_deviation};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -202,87 +200,41 @@ struct TrialRun {
     measures: Vec<(String, f64, String)>,
 }
 
-/// A probed port: its name, the handle, the first value, and all magnitudes.
-struct Probe {
-    name: String,
-    port: AnyOutput,
-    first: Option<f64>,
-    last: f64,
-    values: Vec<f64>,
-}
-
-impl Probe {
-    fn take(&mut self) {
-        let mut frame = vec![0.0; self.port.kind().width()];
-        while self.port.take(&mut frame) {
-            let value =
-                if frame.len() == 1 { frame[0] } else { frame.iter().map(|x| x * x).sum::<f64>().sqrt() };
-            self.first.get_or_insert(value);
-            self.last = value;
-            self.values.push(value);
-        }
-    }
-
-    fn gained(&self) -> f64 {
-        self.last - self.first.unwrap_or(self.last)
-    }
-}
-
 /// Runs a graph offline until the conditions of a phase are reached, or for the longest time, s.
 fn run_until_open(
     study: &Checked,
     phase: &Phase,
     graph: &Graph,
-    longest_s: f64,
+    (longest_s, prefix): (f64, &str),
 ) -> Result<TrialRun, StudyError> {
-    let gates = phase.gates().map_or(&[][..], |gates| &gates.0);
-    let mut ports: Vec<&str> = gates.iter().map(|(_, gate)| gate.port.text.as_str()).collect();
-    ports.extend(study.study.measures.iter().map(|name: &Name| name.text.as_str()));
+    let mut tally = Tally::new(&study.study, phase);
     let mut options = SessionOptions::default().rested();
     options.offline = true;
-    options.probes = ports.iter().map(|port| (*port).to_owned()).collect();
-    options.probes.sort();
-    options.probes.dedup();
+    options.probes = tally.ports().map(str::to_owned).collect();
     let failed = |error: &dyn std::fmt::Display| StudyError::Run(error.to_string());
     let (mut player, mut session) = Player::open(graph, &options).map_err(|error| failed(&error))?;
     let mut probes = Vec::new();
     for name in &options.probes {
         let port = session.any_probe(name).map_err(|error| failed(&error))?;
-        probes.push(Probe { name: name.clone(), port, first: None, last: 0.0, values: Vec::new() });
+        let unit = port.quantity().unit();
+        probes.push((name, unit, vec![0.0; port.kind().width()], port));
     }
     let driver = graph.drivers().first().map(|driver| graph.clocks()[*driver].rate.hz());
     let rate_hz = driver.unwrap_or(1.0);
     let step = (rate_hz / 100.0).max(1.0) as usize;
-    let is_reached = |probes: &[Probe]| {
-        gates.iter().all(|(_, gate)| {
-            let probe = probes.iter().find(|probe| probe.name == gate.port.text);
-            probe.is_some_and(|probe| probe.gained() >= gate.at_least)
-        })
-    };
-    let least_s = if gates.is_empty() { 0.5 } else { 0.0 };
+    let least_s = if phase.gates().is_none_or(|gates| gates.0.is_empty()) { 0.5 } else { 0.0 };
     let mut seconds = 0.0;
-    while seconds < longest_s && (seconds < least_s || !is_reached(&probes)) {
+    while seconds < longest_s && (seconds < least_s || !tally.is_open()) {
         player.process(step);
         session.poll();
-        probes.iter_mut().for_each(Probe::take);
+        for (name, unit, frame, port) in &mut probes {
+            while port.take(frame) {
+                tally.take(name, (frame.len(), unit), frame);
+            }
+        }
         seconds = player.frames() as f64 / rate_hz;
     }
-    let is_open = is_reached(&probes);
-    let mut measures = Vec::new();
-    for (name, gate) in gates {
-        let probe = probes.iter().find(|probe| probe.name == gate.port.text);
-        measures.push((name.text.clone(), probe.map_or(0.0, Probe::gained), gate.quantity.unit()));
-    }
-    for name in &study.study.measures {
-        let Some(probe) = probes.iter().find(|probe| probe.name == name.text) else { continue };
-        let unit = probe.port.quantity().unit();
-        let largest = probe.values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-        for (what, value) in
-            [("mean", mean(&probe.values)), ("sd", standard_deviation(&probe.values)), ("largest", largest)]
-        {
-            measures.push((format!("{} {what}", name.text), value, unit.clone()));
-        }
-    }
+    let (is_open, measures) = (tally.is_open(), tally.measures(prefix));
     Ok(TrialRun { seconds, is_open, measures })
 }
 
@@ -338,10 +290,9 @@ impl Checked {
         let of: Vec<_> = of.into_iter().filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
         for (number, (stimulus, level)) in of.iter().enumerate() {
             let graph = self.graph(registry, phase, (*stimulus, *level), seed)?;
-            let run = run_until_open(self, phase, &graph, longest_s)?;
             let prefix = if of.len() > 1 { ["first: ", "second: "][number] } else { "" };
-            let named = run.measures.into_iter();
-            all.measures.extend(named.map(|(name, value, unit)| (format!("{prefix}{name}"), value, unit)));
+            let run = run_until_open(self, phase, &graph, (longest_s, prefix))?;
+            all.measures.extend(run.measures);
             all.seconds += run.seconds;
             all.is_open &= run.is_open;
         }

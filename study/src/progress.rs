@@ -13,7 +13,10 @@ pub fn next(study: &Study, trials: &[Trial], rows: &[Row]) -> Option<Trial> {
         let Phase::Staircase(staircase) = phase else {
             return Some(trial.clone());
         };
-        let answers = rows.iter().filter(|row| row.phase == name.text && row.status != Status::Skipped);
+        // Of several attempts the last one counts.
+        let is_last = |at: usize, row: &Row| !rows[at + 1..].iter().any(|later| later.trial == row.trial);
+        let last = rows.iter().enumerate().filter(|(at, row)| is_last(*at, row)).map(|(_, row)| row);
+        let answers = last.filter(|row| row.phase == name.text && row.status != Status::Skipped);
         let answers: Vec<bool> = answers.filter_map(|row| row.is_right).collect();
         let level = Some(staircase.next_level(&answers)?);
         Some(Trial { level, ..trial.clone() })

@@ -159,14 +159,14 @@ async fn read(mut stream: SplitStream<WebSocket>, (switch, pass): (&ArmSwitch, &
 pub(super) fn longest(reach: Reach) -> usize {
     match reach {
         Reach::Machine => MAX_LEARNED_BYTES,
-        Reach::Network => MAX_BYTES,
+        Reach::Network | Reach::Participant => MAX_BYTES,
     }
 }
 
 /// Sends messages until the page closes or does not read for [`SENDING`].
 async fn write(
     mut sink: SplitSink<WebSocket, ws::Message>,
-    first: [Message; 2],
+    first: Vec<Message>,
     mut out: Receiver<Message>,
     mut answered: Receiver<Value>,
 ) {

@@ -22,6 +22,7 @@ use axum::routing::get;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files::{self, Roots};
+use haptograph_study::conduct::Conductor;
 use std::collections::HashMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -105,6 +106,8 @@ pub struct Studio {
     address: SocketAddr,
     lan: Option<SocketAddr>,
     token: String,
+    /// The token of a study's participant.
+    participant: Option<String>,
     exclusive: ExclusiveWork,
     visits: Visits,
     end: Option<oneshot::Sender<()>>,
@@ -118,6 +121,7 @@ pub(super) struct Shared {
     pub exclusive: ExclusiveWork,
     pub learner: Option<Learner>,
     token: Arc<str>,
+    participant: Option<Arc<str>>,
     /// The host names of this server.
     hosts: Arc<[String]>,
     pub reach: Reach,
@@ -128,7 +132,7 @@ impl Shared {
     pub(super) fn max_pages(&self) -> usize {
         match self.reach {
             Reach::Machine => MAX_PAGES,
-            Reach::Network => MAX_PAGES / 2,
+            Reach::Network | Reach::Participant => MAX_PAGES / 2,
         }
     }
 }
@@ -139,7 +143,23 @@ impl Studio {
     /// # Errors
     /// [`StudioError`] if the graph has errors or several drivers, or if the port is taken.
     pub fn open(options: &Options, registry: &Registry) -> Result<Self, StudioError> {
-        let stage = set_up(options, registry)?;
+        Self::serve(set_up(options, registry)?, options, None)
+    }
+
+    /// Serves the two pages of a study, whose graph runs in trials only.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn conduct(options: &Options, registry: &Registry, study: Conductor) -> Result<Self, StudioError> {
+        let mut stage = set_up(options, registry)?;
+        // No page names a file.
+        stage.source.roots = None;
+        stage.begin_study(study)?;
+        let participant = token().map_err(other)?;
+        Self::serve(stage, options, Some(participant))
+    }
+
+    fn serve(stage: Stage, options: &Options, participant: Option<String>) -> Result<Self, StudioError> {
         let token = token().map_err(other)?;
         let doors = listen::doors(options.port, options.lan).map_err(other)?;
         let address = doors.here.address;
@@ -158,6 +178,7 @@ impl Studio {
                 exclusive: exclusive.clone(),
                 learner: options.learner,
                 token: Arc::clone(&known),
+                participant: participant.as_deref().map(Arc::from),
                 hosts: door.hosts.into(),
                 reach: door.reach,
             };
@@ -165,7 +186,7 @@ impl Studio {
         });
         let (end, ended) = oneshot::channel();
         let thread = Some(serve(served.collect(), &visits, ended).map_err(other)?);
-        Ok(Self { stage, address, lan, token, exclusive, visits, end: Some(end), thread })
+        Ok(Self { stage, address, lan, token, participant, exclusive, visits, end: Some(end), thread })
     }
 
     /// The URL to open in a browser. Its token grants access.
@@ -173,10 +194,16 @@ impl Studio {
         format!("http://{}/?token={}", self.address, self.token)
     }
 
-    /// The URL for other machines, if the studio listens for them.
+    /// The URL for other machines, if the studio listens for them; of a study the participant's.
     pub fn lan_url(&self) -> Option<String> {
         let lan = self.lan?;
-        Some(format!("http://{lan}/?token={}", self.token))
+        Some(format!("http://{lan}/?token={}", self.participant.as_ref().unwrap_or(&self.token)))
+    }
+
+    /// The URL of a study's participant on this machine.
+    pub fn participant_url(&self) -> Option<String> {
+        let token = self.participant.as_ref()?;
+        Some(format!("http://{}/?token={token}", self.address))
     }
 
     /// The listening address for pages of this machine.
@@ -349,9 +376,18 @@ async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Re
     response
 }
 
-fn is_let_in(shared: &Shared, query: &HashMap<String, String>) -> bool {
+/// Who comes with this query, if it has a token.
+fn let_in(shared: &Shared, query: &HashMap<String, String>) -> Option<Reach> {
     let given = query.get("token").map(String::as_bytes).unwrap_or_default();
-    let token = shared.token.as_bytes();
+    match &shared.participant {
+        Some(participant) if is_same(given, participant.as_bytes()) => Some(Reach::Participant),
+        // The experimenter is at this machine.
+        Some(_) if shared.reach == Reach::Network => None,
+        _ => is_same(given, shared.token.as_bytes()).then_some(shared.reach),
+    }
+}
+
+fn is_same(given: &[u8], token: &[u8]) -> bool {
     // Takes constant time for any token.
     let differs = token
         .iter()
@@ -375,10 +411,13 @@ fn locked(query: &HashMap<String, String>) -> Response {
 }
 
 async fn index(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
-    match is_let_in(&shared, &query) {
-        true => asset(Path("index.html".to_owned())).await,
-        false => locked(&query),
-    }
+    let page = match let_in(&shared, &query) {
+        None => return locked(&query),
+        Some(Reach::Participant) => "participant.html",
+        Some(_) if shared.participant.is_some() => "experimenter.html",
+        Some(_) => "index.html",
+    };
+    asset(Path(page.to_owned())).await
 }
 
 /// The page in a folder that this studio has made: of a run, or of a learned surface.
@@ -387,7 +426,7 @@ async fn report(
     Path(folder): Path<String>,
     Query(query): Query<HashMap<String, String>>,
 ) -> Response {
-    if !is_let_in(&shared, &query) {
+    if let_in(&shared, &query).is_none_or(|reach| reach == Reach::Participant) {
         return locked(&query);
     }
     let made = with_stage(&shared.stage, move |stage| {
@@ -434,9 +473,10 @@ async fn live(
 ) -> Response {
     // Browsers always send their origin.
     let has_origin = headers.contains_key(header::ORIGIN);
-    if !is_let_in(&shared, &query) || !has_origin {
+    let Some(reach) = let_in(&shared, &query).filter(|_| has_origin) else {
         return StatusCode::FORBIDDEN.into_response();
-    }
+    };
+    let shared = Shared { reach, ..shared };
     pass.know();
     let max_bytes = converse::longest(shared.reach);
     let pages = with_stage(&shared.stage, |stage| stage.pages.list.len()).await;

@@ -21,14 +21,22 @@ impl Stage {
             is_gone: false,
             clock: PageClock::default(),
         });
-        self.pages.owner.get_or_insert(id);
+        if reach == Reach::Participant {
+            self.pages.owner = Some(id);
+        } else if self.study.is_none() {
+            self.pages.owner.get_or_insert(id);
+        }
         id
     }
 
     /// Removes a page. Its inputs fall silent by their timeout.
     pub(crate) fn leave(&mut self, page: u64) {
         self.pages.list.retain(|known| known.id != page);
-        if self.pages.owner == Some(page) {
+        if self.study.is_some() {
+            // Both pages are needed, and the latest participant's is the one that counts.
+            self.disarm();
+            self.pages.owner = self.pages.owner.filter(|owner| *owner != page);
+        } else if self.pages.owner == Some(page) {
             self.disarm();
             // A page of the network could not resume the run.
             let of_machine = self.pages.list.iter().find(|page| page.reach == Reach::Machine);

@@ -52,12 +52,19 @@ impl Stage {
     }
 
     fn begin(&mut self, how: NextRun) -> Result<(), StageError> {
+        match &how {
+            NextRun::Replay(recording) => self.source.seed = recording.seed,
+            _ => self.source.seed = None,
+        }
+        self.prepare_presentation();
         // The queues of endpoints serve one run only.
         self.loaded = self.source.load(&self.loaded.text)?;
         let ports = scope::ports(&self.loaded.graph);
         self.recorder.folder = match how {
             NextRun::Record => self
-                .new_folder(&format!("{}-strokes", self.source.name()))
+                .new_folder(
+                    &self.recorder.name.clone().unwrap_or_else(|| format!("{}-strokes", self.source.name())),
+                )
                 .map_err(|error| other(format!("there is no folder to record to: {error}")))?,
             _ => None,
         };
@@ -99,6 +106,7 @@ impl Stage {
         self.session = Some(session);
         self.cycle.state = State::Running;
         self.describe_actuators();
+        self.arm_in_study();
         Ok(())
     }
 
@@ -129,7 +137,7 @@ impl Stage {
             NextRun::Record => {
                 self.begin_recording();
                 // Without a folder there is no page.
-                let has_page = self.recorder.folder.is_some();
+                let has_page = self.recorder.folder.is_some() && self.recorder.name.is_none();
                 self.recorder.signals = has_page.then(|| PageSignals::of(&self.loaded.graph));
             }
             NextRun::Replay(recording) => self.cycle.replay = Some(Replay::of(*recording)),
@@ -249,7 +257,10 @@ impl Stage {
         }
         match self.start_as(next) {
             Ok(()) => talk::tell_graph(self),
-            Err(error) => self.tell_owner(&json!({ "type": "refused", "error": error.to_string() })),
+            Err(error) => {
+                self.fail_in_study(&error.to_string());
+                self.tell_owner(&json!({ "type": "refused", "error": error.to_string() }));
+            }
         }
     }
 

@@ -57,6 +57,8 @@ pub struct Page {
     pub socket: WebSocket<MaybeTlsStream<TcpStream>>,
     pub hello: Value,
     pub graph: Value,
+    /// The texts that it was waiting for something in.
+    pub heard: Vec<String>,
     begun: Instant,
     requests: u64,
 }
@@ -67,7 +69,15 @@ impl Page {
     }
 
     pub fn at(studio: &Studio, address: SocketAddr) -> Self {
-        let url = format!("ws://{address}/live?token={}", studio.token());
+        let mut page = Self::let_in(address, studio.token());
+        assert_eq!(page.hello["version"], 1);
+        page.graph = page.wait(|said| said["type"] == "graph");
+        page
+    }
+
+    /// A page that is greeted; that of a study gets no graph.
+    pub fn let_in(address: SocketAddr, token: &str) -> Self {
+        let url = format!("ws://{address}/live?token={token}");
         let mut request = url.into_client_request().expect("a request");
         let origin = format!("http://{address}").parse().expect("a header");
         request.headers_mut().insert("origin", origin);
@@ -78,10 +88,8 @@ impl Page {
             stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         }
         let (hello, graph) = (Value::Null, Value::Null);
-        let mut page = Self { socket, hello, graph, begun: Instant::now(), requests: 0 };
+        let mut page = Self { socket, hello, graph, heard: Vec::new(), begun: Instant::now(), requests: 0 };
         page.hello = page.wait(|said| said["type"] == "hello");
-        assert_eq!(page.hello["version"], 1);
-        page.graph = page.wait(|said| said["type"] == "graph");
         page
     }
 
@@ -96,6 +104,7 @@ impl Page {
         while asked.elapsed() < PATIENCE {
             if let Message::Text(text) = self.socket.read().expect("it goes on") {
                 let said: Value = serde_json::from_str(&text).expect("JSON");
+                self.heard.push(text.to_string());
                 if is_wanted(&said) {
                     return said;
                 }

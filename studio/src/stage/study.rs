@@ -1,0 +1,206 @@
+//! A study on the stage: the run of each trial, and what its two pages say and see.
+
+use super::super::error::other;
+use super::super::pads::Pad;
+use super::super::pages::Reach;
+use super::super::run_cycle::{NextRun, State};
+use super::super::talk::Response;
+use super::super::wire::{ClientMessage, text};
+use super::Stage;
+use crate::actuators::driven;
+use haptograph_study::conduct::{Conductor, Presentation, Said, Step};
+use serde_json::{Value, json};
+use std::time::Instant;
+
+/// A study that is being run on a stage.
+pub(crate) struct OnStage {
+    conductor: Conductor,
+    begun: Instant,
+    /// What each kind of page was told last.
+    told: [Value; 2],
+    /// The run that follows once the one before has fallen to zero.
+    pub presentation: Option<Presentation>,
+}
+
+impl OnStage {
+    pub(crate) fn new(conductor: Conductor) -> Self {
+        Self { conductor, begun: Instant::now(), told: Default::default(), presentation: None }
+    }
+
+    fn now_s(&self) -> f64 {
+        self.begun.elapsed().as_secs_f64()
+    }
+}
+
+impl Stage {
+    /// True if the participant's page may be heard, and hear.
+    pub(crate) fn study_renders(&self) -> bool {
+        self.study.as_ref().is_none_or(|study| study.conductor.is_rendering())
+    }
+
+    /// True unless a study does not let the participant feel anything now.
+    pub(crate) fn study_feels(&self) -> bool {
+        self.study.as_ref().is_none_or(|study| study.conductor.is_felt_at(study.now_s()))
+    }
+
+    /// Takes what a page of a study says: its own messages, STOP and what an actuator's safety needs; all else is refused.
+    pub(crate) fn hear_in_study(&mut self, page: u64, message: ClientMessage) -> Response {
+        let reach = self.pages.list.iter().find(|known| known.id == page).map(|page| page.reach);
+        let done = match (message, reach) {
+            (ClientMessage::Stop, _) => {
+                self.halt();
+                let stopped =
+                    self.study.as_mut().map(|study| study.conductor.interrupt("STOP", study.now_s()));
+                stopped.map_or(Ok(()), |step| self.step(step))
+            }
+            (ClientMessage::Sound { on }, Some(Reach::Participant)) => {
+                self.page_of(page, |page| page.hears = on);
+                Ok(())
+            }
+            (ClientMessage::Hold, Some(Reach::Machine)) => {
+                self.devices.switch.hold();
+                Ok(())
+            }
+            (ClientMessage::Study(said), Some(Reach::Participant)) if said.is_participants() => {
+                self.say(said)
+            }
+            (ClientMessage::Study(said), Some(Reach::Machine)) if !said.is_participants() => self.say(said),
+            _ => Err("this page of a study cannot do that".to_owned()),
+        };
+        match done {
+            Ok(()) => Response::None,
+            Err(error) => {
+                let refused = text(&json!({ "type": "refused", "error": error }));
+                self.page_of(page, |page| page.tell(refused));
+                Response::None
+            }
+        }
+    }
+
+    fn say(&mut self, said: Said) -> Result<(), String> {
+        let Some(study) = &mut self.study else { return Ok(()) };
+        let now_s = study.now_s();
+        let step = study.conductor.hear(said, now_s)?;
+        self.step(step)?;
+        self.tell_study();
+        Ok(())
+    }
+
+    /// Does what the study asks for.
+    fn step(&mut self, step: Step) -> Result<(), String> {
+        let Some(study) = &mut self.study else { return Ok(()) };
+        match step {
+            Step::None => {}
+            Step::Silence => {
+                study.presentation = None;
+                self.halt();
+            }
+            Step::Present(presentation) => {
+                study.presentation = Some(presentation);
+                self.restart(NextRun::Record);
+            }
+        }
+        Ok(())
+    }
+
+    /// What the next run of a study is of, with the folder in which it is kept.
+    pub(crate) fn prepare_presentation(&mut self) {
+        let Some(study) = &mut self.study else { return };
+        if let Some(Presentation { set, seed, folder, name }) = study.presentation.take() {
+            (self.source.set, self.source.seed) = (set, Some(seed));
+            (self.recorder.out, self.recorder.name) = (Some(folder), Some(name));
+        }
+    }
+
+    /// Arms what a run of a study renders.
+    pub(crate) fn arm_in_study(&self) {
+        if self.study.as_ref().is_some_and(|study| study.conductor.is_rendering())
+            && !driven(&self.loaded.graph).is_empty()
+        {
+            self.devices.switch.arm(1.0);
+        }
+    }
+
+    /// Says that a run of a study did not start.
+    pub(crate) fn fail_in_study(&mut self, why: &str) {
+        if let Some(study) = &mut self.study {
+            let now_s = study.now_s();
+            study.conductor.fail(why.to_owned(), now_s);
+        }
+    }
+
+    /// Lets time pass for a study: its conditions, and what its pages see.
+    pub(crate) fn conduct(&mut self) {
+        let Some(study) = &mut self.study else { return };
+        let now_s = study.now_s();
+        for name in study.conductor.ports() {
+            let Ok((node, output)) = self.loaded.graph.find_output(&name) else { continue };
+            let node = &self.loaded.graph.nodes()[node];
+            let port = format!("{}.{}", node.path, node.outputs[output].name);
+            if let Some(scope) = self.signals.scopes.iter().find(|scope| scope.port.name == port) {
+                let unit = scope.port.quantity.unit();
+                study.conductor.take(&name, (scope.lanes(), &unit), scope.fresh(), now_s);
+            }
+        }
+        let has_ended = study.conductor.is_rendering()
+            && study.presentation.is_none()
+            && (self.cycle.state != State::Running
+                || (!driven(&self.loaded.graph).is_empty() && !self.devices.switch.is_armed()));
+        let stepped = match has_ended {
+            true if self.cycle.state == State::Running => {
+                Ok(study.conductor.interrupt("the actuators were disarmed", now_s))
+            }
+            true => Ok(study.conductor.interrupt("the run ended", now_s)),
+            false => study.conductor.tick(now_s),
+        };
+        if let Err(error) = stepped.and_then(|step| self.step(step)) {
+            self.fail_in_study(&error);
+        }
+        self.tell_study();
+    }
+
+    /// Sends each page what it shows, if that has changed.
+    fn tell_study(&mut self) {
+        let Some(study) = &mut self.study else { return };
+        let now_s = study.now_s();
+        let mut views = [study.conductor.participant_view(now_s), study.conductor.experimenter_view(now_s)];
+        let is_there = self.pages.list.iter().any(|page| page.reach == Reach::Participant);
+        views[0]["pads"] = self.loaded.pads.iter().map(|pad| pad.plain()).collect();
+        let rate_hz = self.signals.sound.as_ref().map(|sound| sound.rate_hz);
+        views[0]["sound_hz"] = rate_hz.filter(|_| driven(&self.loaded.graph).is_empty()).into();
+        views[1]["participant_is_there"] = is_there.into();
+        // A hand on the page's pad, N; how hard one presses tells nothing about what is rendered.
+        let pressed_n = self.signals.pads.iter().map(Pad::force_n).fold(0.0, f64::max);
+        views[1]["pressed_n"] = ((pressed_n * 10.0).round() / 10.0).into();
+        for (number, view) in views.into_iter().enumerate() {
+            if study.told[number] == view {
+                continue;
+            }
+            let message = text(&view);
+            let of_kind = |reach| (reach == Reach::Participant) == (number == 0) && reach != Reach::Network;
+            for page in self.pages.list.iter_mut().filter(|page| of_kind(page.reach)) {
+                page.tell(message.clone());
+            }
+            study.told[number] = view;
+        }
+    }
+
+    /// The first message about a study to a page that comes.
+    pub(crate) fn study_greeting(&mut self, reach: Reach) -> Option<Value> {
+        let study = self.study.as_mut()?;
+        // Whoever comes is told all.
+        study.told[usize::from(reach != Reach::Participant)] = Value::Null;
+        let role = if reach == Reach::Participant { "participant" } else { "experimenter" };
+        Some(json!({ "type": "hello", "version": crate::wire::VERSION, "role": role, "host": "native" }))
+    }
+
+    /// Puts a study on the stage; nothing runs before its first trial.
+    pub(crate) fn begin_study(&mut self, conductor: Conductor) -> Result<(), super::StageError> {
+        self.study = Some(OnStage::new(conductor));
+        self.halt();
+        match self.cycle.state {
+            State::Failed => Err(other("the graph failed")),
+            _ => Ok(()),
+        }
+    }
+}

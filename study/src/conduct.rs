@@ -1,0 +1,623 @@
+//! A session with participants: what comes next, what each page shows, and when an answer is kept. It neither serves pages nor runs
+//! graphs: whoever conducts it does what a [`Step`] asks for.
+
+mod answers;
+mod views;
+
+use crate::check::{Checked, StudyError};
+use crate::data::{Claim, Folder, Row, Status};
+use crate::document::Phase;
+use crate::order::{Stimulus, Trial};
+use crate::progress::next;
+use crate::tally::Tally;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::registry::Registry;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// What a page says.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "say", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Said {
+    /// The participant agrees to take part.
+    Agree,
+    /// The participant is ready for the actuators.
+    Start,
+    /// The participant wants to feel the earlier or left (0) or the other (1) of two stimuli.
+    Feel {
+        /// 0 or 1.
+        place: usize,
+    },
+    /// The participant's answer.
+    Answer(Answer),
+    /// The experimenter lets a participant take part, or go on.
+    Begin {
+        /// Code of the participant.
+        code: String,
+        /// Name of the group.
+        group: String,
+    },
+    /// The experimenter has looked at the actuators and their limits.
+    Confirm,
+    /// What the trial needs is laid out.
+    Ready,
+    /// Opens the answer before its conditions are reached.
+    Open,
+    /// Goes on without an answer.
+    Skip,
+    /// Brings the trial before back.
+    Repeat,
+    /// Interrupts the trial; [`Ready`](Self::Ready) goes on.
+    Pause,
+    /// Keeps a note.
+    Note {
+        /// What it says.
+        text: String,
+    },
+    /// Ends the session; the participant can go on later.
+    Leave,
+    /// The participant withdraws: the data are removed.
+    Withdraw,
+}
+
+impl Said {
+    /// True for what the participant's page says.
+    pub fn is_participants(&self) -> bool {
+        matches!(self, Self::Agree | Self::Start | Self::Feel { .. } | Self::Answer(_))
+    }
+}
+
+/// An answer, as far as its trial asks for one.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Answer {
+    /// Number of the trial that was seen.
+    pub trial: u32,
+    /// The mark on the line, 0 to 1, or a number.
+    pub rating: Option<f64>,
+    /// The earlier or left one (0), or the other (1); or the number of a chosen answer.
+    pub choice: Option<usize>,
+    /// Words.
+    pub text: Option<String>,
+}
+
+/// What the conductor of a session has to do now.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// Nothing.
+    None,
+    /// Take the actuators to zero and end the run.
+    Silence,
+    /// The same, then run this.
+    Present(Presentation),
+}
+
+/// A run in which something is felt.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Presentation {
+    /// Parameters of the graph.
+    pub set: Vec<(String, String)>,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Folder in which the runs of the participant are kept.
+    pub folder: PathBuf,
+    /// Name of the run's folder, without the number of the run.
+    pub name: String,
+}
+
+/// A study that is being run.
+pub struct Conductor {
+    pub(crate) checked: Checked,
+    folder: Folder,
+    /// Real actuators with their limits, in words; none if all devices are simulated.
+    driven: Vec<String>,
+    /// True if a device is real, so that a run keeps what it senses of a real surface.
+    has_sensors: bool,
+    /// True once the experimenter has confirmed them.
+    is_confirmed: bool,
+    seat: Option<Seat>,
+    /// The last thing that went wrong.
+    trouble: Option<String>,
+    known: Vec<Known>,
+    /// True while the lamp of the participant's page is lit.
+    lamp: bool,
+}
+
+/// A participant so far.
+struct Known {
+    code: String,
+    group: String,
+    /// Number of trials with an attempt.
+    done: usize,
+    has_withdrawn: bool,
+}
+
+/// A participant in a session.
+struct Seat {
+    code: String,
+    group: usize,
+    /// From the consent on.
+    claim: Option<Claim>,
+    trials: Vec<Trial>,
+    /// The trial to be repeated.
+    again: Option<u32>,
+    state: State,
+    /// Real samples that lie there, left or earlier first.
+    laid: [Option<String>; 2],
+    /// Why the experimenter has to see to it before the trial goes on.
+    held: Option<&'static str>,
+}
+
+enum State {
+    Consent,
+    /// The trial waits for the experimenter.
+    Preparing(Current),
+    /// It waits for the participant, since it arms actuators.
+    Prepared(Current),
+    Felt(Current),
+    Done,
+}
+
+/// A trial in progress.
+struct Current {
+    trial: Trial,
+    /// The stimuli by their place: the left or earlier one first.
+    places: [Option<Stimulus>; 2],
+    tallies: [Option<Tally>; 2],
+    /// True for places that were felt.
+    felt: [bool; 2],
+    /// The place that is felt now.
+    place: usize,
+    /// True while actuators and sound render it.
+    is_rendered: bool,
+    /// Since when, s; in the future while the run begins, `None` while nothing is felt.
+    since_s: Option<f64>,
+    exploration_s: f64,
+    /// When the answer opened, s.
+    opened_s: Option<f64>,
+    is_forced: bool,
+}
+
+impl Current {
+    fn is_virtual(&self, place: usize) -> bool {
+        self.places[place].is_some_and(|of| of.version.is_some())
+    }
+
+    /// True if two virtual stimuli take turns.
+    fn has_turns(&self) -> bool {
+        self.is_virtual(0) && self.is_virtual(1)
+    }
+
+    /// True if something is felt; false for questions.
+    fn is_felt(&self, phase: &Phase) -> bool {
+        !matches!(phase, Phase::Questions(_))
+    }
+
+    fn is_reached(&self) -> bool {
+        (0..2).all(|place| {
+            let is_open = self.tallies[place].as_ref().is_none_or(Tally::is_open);
+            !self.is_virtual(place) || (is_open && self.felt[place])
+        })
+    }
+}
+
+/// Shortest time from the wish to feel a stimulus until it begins, s, whatever is loaded meanwhile.
+pub const PAUSE_S: f64 = 0.6;
+/// Longest note and answer in words, bytes.
+const LONGEST: usize = 10_000;
+
+type Stepped = Result<Step, String>;
+
+impl Conductor {
+    /// A session in a folder; the graph tells which real actuators it drives.
+    ///
+    /// # Errors
+    /// If the folder holds other data.
+    pub fn open(checked: Checked, folder: Folder, graph: &Graph) -> Result<Self, StudyError> {
+        let driven = graph.actuators().filter(|(_, device, _)| !device.entry.spec.simulated);
+        let driven = driven.map(|(node, device, limit)| {
+            let unit = node.outputs.first().map_or_else(String::new, |output| output.quantity.unit());
+            let (peak, rms) = (limit.peak, limit.continuous);
+            format!(
+                "{} on {}: at most {peak} {unit}, in the long run {rms} {unit} RMS",
+                node.path, device.name
+            )
+        });
+        let driven = driven.collect();
+        let has_sensors = graph.devices().iter().any(|device| !device.entry.spec.simulated);
+        let mut opened = Self {
+            checked,
+            folder,
+            driven,
+            has_sensors,
+            is_confirmed: false,
+            seat: None,
+            trouble: None,
+            known: Vec::new(),
+            lamp: false,
+        };
+        opened.look_at_people()?;
+        Ok(opened)
+    }
+
+    /// The study.
+    pub fn checked(&self) -> &Checked {
+        &self.checked
+    }
+
+    /// The parameters with which the graph is opened: those of the first virtual surface.
+    ///
+    /// # Errors
+    /// With the graph's findings.
+    pub fn first(
+        checked: &Checked,
+        registry: &Registry,
+    ) -> Result<(Graph, Vec<(String, String)>), StudyError> {
+        let study = &checked.study;
+        let surface = study.surfaces.0.iter().position(|(_, of)| of.file.is_some());
+        let first = surface.map(|surface| Stimulus { surface, version: Some(0) });
+        let phase = &study.phases.0[0].1;
+        let set = checked.parameters(phase, (first, None));
+        Ok((checked.graph(registry, phase, (first, None), study.seed)?, set))
+    }
+
+    fn look_at_people(&mut self) -> Result<(), StudyError> {
+        let rows = self.folder.rows()?;
+        let known = self.folder.participants()?.into_iter().map(|known| {
+            let mut numbers: Vec<u32> =
+                rows.iter().filter(|row| row.participant == known.participant).map(|row| row.trial).collect();
+            numbers.sort_unstable();
+            numbers.dedup();
+            let has_withdrawn = !known.withdrawn_utc.is_empty();
+            Known { code: known.participant, group: known.group, done: numbers.len(), has_withdrawn }
+        });
+        self.known = known.collect();
+        Ok(())
+    }
+
+    /// Takes what a page says at a time of the session, s.
+    ///
+    /// # Errors
+    /// Why it is not possible now; nothing has changed then.
+    pub fn hear(&mut self, said: Said, now_s: f64) -> Stepped {
+        let heard = match said {
+            Said::Begin { code, group } => self.begin(&code, &group),
+            Said::Agree => self.agree(),
+            Said::Confirm => {
+                self.is_confirmed = true;
+                Ok(Step::None)
+            }
+            Said::Ready => self.ready(),
+            Said::Start => self.start(now_s),
+            Said::Feel { place } => self.feel(place, now_s),
+            Said::Answer(answer) => self.answer(&answer, now_s),
+            Said::Open => self.open_answer(now_s),
+            Said::Skip => self.skip(now_s),
+            Said::Repeat => self.repeat(),
+            Said::Pause => Ok(self.interrupt("paused", now_s)),
+            Said::Note { text } => self.note(&text).map(|()| Step::None),
+            Said::Leave => self.leave(),
+            Said::Withdraw => self.withdraw(),
+        };
+        if heard.is_ok() {
+            self.trouble = None;
+        }
+        heard
+    }
+
+    fn begin(&mut self, code: &str, group: &str) -> Stepped {
+        if self.seat.is_some() {
+            return Err("a participant is there; end that session first".to_owned());
+        }
+        self.checked.check_code(code).map_err(|error| error.to_string())?;
+        let study = &self.checked.study;
+        let group = (0..study.group_count())
+            .find(|known| study.group_name(*known) == group)
+            .ok_or_else(|| format!("the study has no group `{group}`"))?;
+        let known = self.known.iter().find(|known| known.code == code);
+        let mut seat = Seat {
+            code: code.to_owned(),
+            group,
+            claim: None,
+            trials: study.trials(code, group),
+            again: None,
+            state: State::Consent,
+            laid: [None, None],
+            held: None,
+        };
+        // Who came before has agreed.
+        if known.is_some() {
+            seat.claim = Some(self.claim(&seat)?);
+        }
+        let is_back = seat.claim.is_some();
+        self.seat = Some(seat);
+        if is_back { self.advance(Some("the session begins")) } else { Ok(Step::None) }
+    }
+
+    fn claim(&self, seat: &Seat) -> Result<Claim, String> {
+        let group = self.checked.study.group_name(seat.group);
+        self.folder.claim(&seat.code, group, false).map_err(|error| error.to_string())
+    }
+
+    fn seat(&mut self) -> Result<&mut Seat, String> {
+        self.seat.as_mut().ok_or_else(|| "no participant is there".to_owned())
+    }
+
+    fn agree(&mut self) -> Stepped {
+        let seat = self.seat.as_ref().filter(|seat| matches!(seat.state, State::Consent));
+        let Some(seat) = seat else { return Ok(Step::None) };
+        let claim = self.claim(seat)?;
+        self.seat()?.claim = Some(claim);
+        self.look_at_people().map_err(|error| error.to_string())?;
+        self.advance(Some("the session begins"))
+    }
+
+    /// Goes on to the next trial, for which the experimenter is needed if there is a reason.
+    fn advance(&mut self, held: Option<&'static str>) -> Stepped {
+        let study = &self.checked.study;
+        let Some(seat) = &mut self.seat else { return Ok(Step::None) };
+        let Some(claim) = &seat.claim else { return Ok(Step::None) };
+        let again = seat.again.take();
+        let again = again.and_then(|number| seat.trials.iter().find(|trial| trial.number == number)).cloned();
+        let again = again.map(|trial| {
+            let before = claim.rows().iter().rev().find(|row| row.trial == trial.number);
+            Trial { level: before.map_or(trial.level, |row| row.level), ..trial }
+        });
+        let Some(trial) = again.or_else(|| next(study, &seat.trials, claim.rows())) else {
+            seat.state = State::Done;
+            return Ok(Step::Silence);
+        };
+        let phase = &study.phases.0[trial.phase].1;
+        let mut places = [trial.first, trial.second];
+        if trial.is_swapped {
+            places.reverse();
+        }
+        let tallies = places.map(|of| of.is_some().then(|| Tally::new(study, phase)));
+        let place = usize::from(places[0].is_none_or(|of| of.version.is_none()) && places[1].is_some());
+        let current = Current {
+            trial,
+            places,
+            tallies,
+            felt: [false; 2],
+            place,
+            is_rendered: false,
+            since_s: None,
+            exploration_s: 0.0,
+            opened_s: None,
+            is_forced: false,
+        };
+        let laid = places.map(|of| {
+            let of = of.filter(|of| of.version.is_none())?;
+            study.surfaces.0[of.surface].1.sample.clone()
+        });
+        let is_to_lay = laid.iter().any(Option::is_some) && laid != seat.laid;
+        seat.laid = laid;
+        seat.held = held.or(is_to_lay.then_some("lay out"));
+        seat.state = State::Preparing(current);
+        if seat.held.is_some() || (self.needs_confirmation()) { Ok(Step::Silence) } else { self.prepared() }
+    }
+
+    fn needs_confirmation(&self) -> bool {
+        !self.driven.is_empty() && !self.is_confirmed
+    }
+
+    /// The experimenter is ready: the trial begins, with real actuators when the participant starts it.
+    fn ready(&mut self) -> Stepped {
+        if self.needs_confirmation() {
+            return Err("confirm the limits of the actuators first".to_owned());
+        }
+        let seat = self.seat()?;
+        if !matches!(seat.state, State::Preparing(_)) {
+            return Ok(Step::None);
+        }
+        seat.held = None;
+        self.prepared()
+    }
+
+    /// What is prepared waits for the participant if it arms actuators or goes on by itself.
+    fn prepared(&mut self) -> Stepped {
+        let Some(seat) = &mut self.seat else { return Ok(Step::None) };
+        if let State::Preparing(current) = std::mem::replace(&mut seat.state, State::Done) {
+            seat.state = State::Prepared(current);
+        }
+        Ok(Step::Silence)
+    }
+
+    /// True if a prepared trial waits for the participant's hand.
+    fn awaits_start(&self, current: &Current) -> bool {
+        !self.driven.is_empty() && (0..2).any(|place| current.is_virtual(place))
+    }
+
+    fn start(&mut self, now_s: f64) -> Stepped {
+        let is_prepared = self.seat.as_ref().is_some_and(|seat| matches!(seat.state, State::Prepared(_)));
+        if is_prepared { self.present(None, now_s) } else { Ok(Step::None) }
+    }
+
+    /// Lets the other one of two be felt.
+    fn feel(&mut self, place: usize, now_s: f64) -> Stepped {
+        let seat = self.seat()?;
+        match &seat.state {
+            State::Felt(current) if current.has_turns() && place < 2 && current.has_begun(now_s) => {
+                if current.place == place { Ok(Step::None) } else { self.present(Some(place), now_s) }
+            }
+            _ => Ok(Step::None),
+        }
+    }
+
+    /// Presents a place of the current trial.
+    fn present(&mut self, place: Option<usize>, now_s: f64) -> Stepped {
+        let Some(seat) = &mut self.seat else { return Ok(Step::None) };
+        let (State::Prepared(mut current) | State::Felt(mut current)) =
+            std::mem::replace(&mut seat.state, State::Done)
+        else {
+            return Ok(Step::None);
+        };
+        current.pass(now_s);
+        current.place = place.unwrap_or(current.place);
+        let study = &self.checked.study;
+        let phase = &study.phases.0[current.trial.phase].1;
+        if !current.is_felt(phase) {
+            current.since_s = Some(now_s);
+            current.opened_s = Some(now_s);
+            seat.state = State::Felt(current);
+            return Ok(Step::Silence);
+        }
+        let stimulus = current.places[current.place];
+        let is_second = (current.place == 1) != current.trial.is_swapped;
+        let level = match (phase.varied(), is_second) {
+            (Some((.., standard)), false) => Some(standard),
+            _ => current.trial.level,
+        };
+        // A practice without stimuli is the graph as it is.
+        current.is_rendered = stimulus.is_none_or(|of| of.version.is_some());
+        let code = seat.code.clone();
+        let attempts = seat.claim.iter().flat_map(Claim::rows);
+        let attempt = attempts.filter(|row| row.trial == current.trial.number).count() + 1;
+        let presentation = Presentation {
+            set: self.checked.parameters(phase, (stimulus, level)),
+            seed: self.checked.seed_of(&code, &current.trial),
+            folder: self.folder.path().join("signals").join(&code),
+            name: format!("{:03}-{attempt}", current.trial.number),
+        };
+        if let Some(tally) = &mut current.tallies[current.place] {
+            tally.begin_run();
+        }
+        current.since_s = Some(now_s + PAUSE_S);
+        let runs = current.is_rendered || self.has_sensors;
+        seat.state = State::Felt(current);
+        Ok(if runs { Step::Present(presentation) } else { Step::Silence })
+    }
+
+    /// Ports of the graph whose frames the current trial needs, and the lamp's.
+    pub fn ports(&self) -> Vec<String> {
+        let page = self.checked.study.page.as_ref();
+        let lamp = page.and_then(|page| page.lamp.as_ref()).map(|name| name.text.clone());
+        let current = self.seat.as_ref().and_then(|seat| match &seat.state {
+            State::Felt(current) => current.tallies[current.place].as_ref(),
+            _ => None,
+        });
+        current.into_iter().flat_map(Tally::ports).map(str::to_owned).chain(lamp).collect()
+    }
+
+    /// Takes frames of one of these ports.
+    pub fn take(&mut self, port: &str, of: (usize, &str), frames: &[f64], now_s: f64) {
+        let lamp = self.checked.study.page.as_ref().and_then(|page| page.lamp.as_ref());
+        if let Some(last) = frames.last().filter(|_| lamp.is_some_and(|lamp| lamp.text == port)) {
+            self.lamp = *last != 0.0;
+        }
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && current.has_begun(now_s)
+            && let Some(tally) = &mut current.tallies[current.place]
+        {
+            tally.take(port, of, frames);
+        }
+    }
+
+    /// Lets time pass, s: a prepared trial begins, and an answer opens once its conditions are reached.
+    ///
+    /// # Errors
+    /// If the next trial cannot begin.
+    pub fn tick(&mut self, now_s: f64) -> Stepped {
+        let begins = match self.seat.as_ref().map(|seat| &seat.state) {
+            Some(State::Prepared(current)) => !self.awaits_start(current),
+            _ => false,
+        };
+        if begins {
+            return self.present(None, now_s);
+        }
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && current.has_begun(now_s)
+        {
+            current.felt[current.place] = true;
+            if current.opened_s.is_none() && current.is_reached() {
+                current.opened_s = Some(now_s);
+            }
+        }
+        Ok(Step::None)
+    }
+
+    /// True if actuators and sound render now.
+    pub fn is_rendering(&self) -> bool {
+        matches!(&self.seat, Some(Seat { state: State::Felt(current), .. }) if current.is_rendered)
+    }
+
+    /// True if the participant's pad is heard now.
+    pub fn is_felt_at(&self, now_s: f64) -> bool {
+        matches!(&self.seat, Some(Seat { state: State::Felt(current), .. }) if current.has_begun(now_s))
+    }
+
+    /// Interrupts the trial, as by a STOP: it goes on when the experimenter is ready, with what was gained so far.
+    pub fn interrupt(&mut self, why: &'static str, now_s: f64) -> Step {
+        let Some(seat) = &mut self.seat else { return Step::Silence };
+        seat.state = match std::mem::replace(&mut seat.state, State::Done) {
+            State::Prepared(mut current) | State::Felt(mut current) => {
+                current.pass(now_s);
+                seat.held = Some(why);
+                State::Preparing(current)
+            }
+            other => other,
+        };
+        if matches!(seat.state, State::Preparing(_)) {
+            // It is in the notes, not in the trial: a STOP is no failure.
+            let _ = self.note(why);
+        }
+        Step::Silence
+    }
+
+    /// Says that something went wrong, such as a run that did not start, and interrupts the trial.
+    pub fn fail(&mut self, why: String, now_s: f64) -> Step {
+        let step = self.interrupt("the run failed", now_s);
+        self.trouble = Some(why);
+        step
+    }
+
+    fn leave(&mut self) -> Stepped {
+        self.seat = None;
+        self.look_at_people().map_err(|error| error.to_string())?;
+        Ok(Step::Silence)
+    }
+
+    fn withdraw(&mut self) -> Stepped {
+        let code = self.seat()?.code.clone();
+        let is_kept = self.seat()?.claim.is_some();
+        self.seat = None;
+        if is_kept {
+            self.folder.remove(&code).map_err(|error| error.to_string())?;
+        }
+        self.look_at_people().map_err(|error| error.to_string())?;
+        Ok(Step::Silence)
+    }
+
+    fn note(&mut self, text: &str) -> Result<(), String> {
+        if text.len() > LONGEST {
+            return Err(format!("a note has {LONGEST} bytes at most"));
+        }
+        let seat = self.seat.as_ref().ok_or("no participant is there")?;
+        let claim = seat.claim.as_ref().ok_or("nothing is kept before the participant agrees")?;
+        let trial = match &seat.state {
+            State::Preparing(current) | State::Prepared(current) | State::Felt(current) => {
+                current.trial.number
+            }
+            State::Consent | State::Done => 0,
+        };
+        claim.note(trial, text).map_err(|error| error.to_string())
+    }
+}
+
+impl Current {
+    fn has_begun(&self, now_s: f64) -> bool {
+        self.since_s.is_some_and(|since_s| now_s >= since_s)
+    }
+
+    /// Time for which it was felt until the answer opened, s.
+    fn explored_s(&self, now_s: f64) -> f64 {
+        let until_s = self.opened_s.unwrap_or(now_s);
+        self.exploration_s + self.since_s.map_or(0.0, |since_s| (until_s - since_s).max(0.0))
+    }
+
+    /// Nothing is felt from now on, s.
+    fn pass(&mut self, now_s: f64) {
+        self.exploration_s = self.explored_s(now_s);
+        self.since_s = None;
+    }
+}

@@ -1,0 +1,126 @@
+//! Answers of a session: what a trial asks for, and what is kept of it.
+
+use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped};
+use crate::document::{Phase, Question};
+use crate::order::Trial;
+
+impl Conductor {
+    /// Keeps an answer; when this returns without an error, it is on disk.
+    pub(super) fn answer(&mut self, answer: &Answer, now_s: f64) -> Stepped {
+        let Some(Seat { state: State::Felt(current), .. }) = &self.seat else { return Ok(Step::None) };
+        // A second press of the button belongs to the trial that it saw.
+        if answer.trial != current.trial.number {
+            return Ok(Step::None);
+        }
+        let opened_s = current.opened_s.ok_or("the conditions are not reached yet")?;
+        let mut row = self.checked.row(&current.trial);
+        self.fill(&current.trial, answer, &mut row)?;
+        row.status = if current.is_forced { Status::Forced } else { Status::Answered };
+        row.exploration_s = to_ms(current.explored_s(now_s));
+        row.response_s = to_ms((now_s - opened_s).max(0.0));
+        self.keep(row)
+    }
+
+    pub(super) fn open_answer(&mut self, now_s: f64) -> Stepped {
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && current.opened_s.is_none()
+        {
+            (current.opened_s, current.is_forced) = (Some(now_s), true);
+        }
+        Ok(Step::None)
+    }
+
+    pub(super) fn skip(&mut self, now_s: f64) -> Stepped {
+        let current = match self.seat.as_mut().map(|seat| &mut seat.state) {
+            Some(State::Preparing(current) | State::Prepared(current) | State::Felt(current)) => current,
+            _ => return Ok(Step::None),
+        };
+        current.pass(now_s);
+        let mut row = self.checked.row(&current.trial);
+        (row.status, row.exploration_s) = (Status::Skipped, to_ms(current.exploration_s));
+        self.keep(row)
+    }
+
+    pub(super) fn repeat(&mut self) -> Stepped {
+        let seat = self.seat.as_mut().ok_or("no participant is there")?;
+        let last = seat.claim.as_ref().and_then(|claim| claim.rows().last());
+        seat.again = Some(last.ok_or("no trial was answered yet")?.trial);
+        self.advance(Some("the trial before again"))
+    }
+
+    fn keep(&mut self, row: Row) -> Stepped {
+        let Some(seat) = &mut self.seat else { return Ok(Step::None) };
+        let (Some(claim), State::Preparing(current) | State::Prepared(current) | State::Felt(current)) =
+            (&mut seat.claim, &seat.state)
+        else {
+            return Ok(Step::None);
+        };
+        claim.keep(row, &current.measures()).map_err(|error| error.to_string())?;
+        let count = claim.rows().iter().map(|row| row.trial).max().unwrap_or(0) as usize;
+        if let Some(known) = self.known.iter_mut().find(|known| known.code == seat.code) {
+            known.done = count;
+        }
+        self.advance(None)
+    }
+
+    /// Fills in what the trial asks for.
+    fn fill(&self, trial: &Trial, answer: &Answer, row: &mut Row) -> Result<(), String> {
+        let rating = |from: f64, to: f64| {
+            let within = answer.rating.filter(|rating| (from..=to).contains(rating));
+            within.ok_or_else(|| format!("the answer is not between {from} and {to}"))
+        };
+        let words = |is_optional: bool| {
+            let text = answer.text.clone().unwrap_or_default();
+            match (text.trim().is_empty() && !is_optional, text.len() > LONGEST) {
+                (true, _) => Err("the answer is empty".to_owned()),
+                (_, true) => Err(format!("the answer has more than {LONGEST} bytes")),
+                _ => Ok(text),
+            }
+        };
+        match &self.checked.study.phases.0[trial.phase].1 {
+            Phase::Practice(_) => {}
+            Phase::Explore(_) => row.text = words(false)?,
+            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => row.rating = Some(rating(0.0, 1.0)?),
+            Phase::Questions(phase) => {
+                let question = trial.question.and_then(|at| phase.questions.0.get(at));
+                match question.map(|(_, question)| question) {
+                    Some(Question::Number(of)) => row.rating = Some(rating(of.from, of.to)?),
+                    Some(Question::Choice(of)) => {
+                        let chosen = answer.choice.and_then(|at| of.of.get(at));
+                        row.choice = chosen.ok_or("no answer is chosen")?.clone();
+                    }
+                    Some(Question::Text(of)) => row.text = words(of.optional)?,
+                    None => {}
+                }
+            }
+            phase @ (Phase::ConstantStimuli(_) | Phase::Staircase(_)) => {
+                let place = answer.choice.filter(|place| *place < 2).ok_or("none of the two is chosen")?;
+                let is_second = (place == 1) != trial.is_swapped;
+                row.choice = if is_second { "second" } else { "first" }.to_owned();
+                let standard = phase.varied().map_or(0.0, |(.., standard)| standard);
+                let level = trial.level.unwrap_or(standard);
+                row.is_right = (level != standard).then_some(is_second == (level > standard));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A time in s, to the millisecond.
+fn to_ms(time_s: f64) -> f64 {
+    (time_s * 1e3).round() / 1e3
+}
+
+impl Current {
+    /// The numbers that are kept of it.
+    fn measures(&self) -> Vec<(String, f64, String)> {
+        let names = if self.trial.is_swapped { ["second: ", "first: "] } else { ["first: ", "second: "] };
+        let has_two = self.has_turns();
+        let mut all = Vec::new();
+        for (place, name) in names.iter().enumerate() {
+            let tally = self.tallies[place].as_ref().filter(|_| self.is_virtual(place) && self.felt[place]);
+            all.extend(tally.into_iter().flat_map(|tally| tally.measures(if has_two { name } else { "" })));
+        }
+        all
+    }
+}

@@ -1,0 +1,156 @@
+//! What each page shows. The participant's never has a name, order, file or setting of a surface or version.
+
+use super::{Conductor, Current, Seat, State};
+use crate::document::{Masking, Page, Phase, Question};
+use haptograph_engine::settings::Setting;
+use serde_json::{Value, json};
+
+impl Conductor {
+    /// What the participant's page shows at a time of the session, s.
+    pub fn participant_view(&self, now_s: f64) -> Value {
+        let mut view = self.participant_state(now_s);
+        view["type"] = json!("participant");
+        view["texts"] = self.texts();
+        view["masking"] = match self.page().map(|page| &page.masking) {
+            None | Some(Masking::Silence) => Value::Null,
+            Some(noise) => noise.show().to_lowercase().into(),
+        };
+        view
+    }
+
+    fn page(&self) -> Option<&Page> {
+        self.checked.study.page.as_ref()
+    }
+
+    fn texts(&self) -> Value {
+        let page = self.page();
+        let text = |of: fn(&Page) -> &Option<String>, otherwise: &str| {
+            page.and_then(|page| of(page).clone()).unwrap_or_else(|| otherwise.to_owned())
+        };
+        json!({
+            "consent": text(|page| &page.consent, "You are going to feel surfaces and answer questions about them. You can stop at any time, without giving a reason."),
+            "agree": text(|page| &page.agree, "I agree to take part"),
+            "next": text(|page| &page.next, "Next"),
+            "stop": text(|page| &page.stop, "Stop"),
+            "wait": text(|page| &page.wait, "Please wait a moment"),
+            "start": text(|page| &page.start, "Hold the tool free, then press here"),
+            "thanks": text(|page| &page.thanks, "That was all. Thank you!"),
+            "force": text(|page| &page.force, "Pressing force"),
+            "noise": text(|page| &page.noise, "Noise"),
+            "first": text(|page| &page.first, "First"),
+            "second": text(|page| &page.second, "Second"),
+        })
+    }
+
+    fn participant_state(&self, now_s: f64) -> Value {
+        let Some(seat) = &self.seat else { return json!({ "state": "idle" }) };
+        match &seat.state {
+            State::Consent => json!({ "state": "consent" }),
+            State::Done => json!({ "state": "done" }),
+            State::Preparing(_) => {
+                json!({ "state": if seat.held == Some("STOP") { "stopped" } else { "wait" } })
+            }
+            State::Prepared(current) if self.awaits_start(current) => json!({ "state": "start" }),
+            State::Prepared(_) => json!({ "state": "wait" }),
+            State::Felt(current) if !current.has_begun(now_s) && !current.has_turns() => {
+                json!({ "state": "wait" })
+            }
+            State::Felt(current) => self.trial_view(seat, current, now_s),
+        }
+    }
+
+    fn trial_view(&self, seat: &Seat, current: &Current, now_s: f64) -> Value {
+        let phase = &self.checked.study.phases.0[current.trial.phase].1;
+        let turns = current.has_turns().then(|| json!({ "now": current.place, "felt": current.felt }));
+        let is_open = current.opened_s.is_some();
+        json!({
+            "state": "trial", "trial": current.trial.number, "of": seat.trials.len(), "text": phase.text(),
+            "input": self.input(phase, current),
+            "turns": turns,
+            // What is only laid out is felt beside the page.
+            "pad": (0..2).any(|place| current.is_virtual(place)) || matches!(phase, Phase::Practice(_)),
+            "begins": !current.has_begun(now_s),
+            "conditions": conditions(current), "open": is_open, "lamp": self.page().and_then(|page| page.lamp.as_ref()).map(|_| self.lamp),
+        })
+    }
+
+    /// What is asked for.
+    fn input(&self, phase: &Phase, current: &Current) -> Value {
+        let line = |ask: Option<&str>| {
+            let scale = current.trial.scale.and_then(|at| self.checked.study.scales.0.get(at));
+            scale.map_or(Value::Null, |(_, line)| {
+                json!({ "kind": "line", "ask": ask.unwrap_or(&line.ask), "from": line.from, "to": line.to })
+            })
+        };
+        match phase {
+            Phase::Practice(_) => json!({ "kind": "none", "ask": "" }),
+            Phase::Explore(of) => json!({ "kind": "words", "ask": of.ask, "optional": false }),
+            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(None),
+            Phase::ConstantStimuli(of) => json!({ "kind": "which", "ask": of.ask }),
+            Phase::Staircase(of) => json!({ "kind": "which", "ask": of.ask }),
+            Phase::Questions(of) => match current.trial.question.and_then(|at| of.questions.0.get(at)) {
+                Some((_, Question::Number(of))) => {
+                    json!({ "kind": "number", "ask": of.ask, "from": of.from, "to": of.to })
+                }
+                Some((_, Question::Choice(of))) => json!({ "kind": "choice", "ask": of.ask, "of": of.of }),
+                Some((_, Question::Text(of))) => {
+                    json!({ "kind": "words", "ask": of.ask, "optional": of.optional })
+                }
+                None => Value::Null,
+            },
+        }
+    }
+
+    /// What the experimenter's page shows at a time of the session, s. It names what is laid out, but neither surface nor version of
+    /// what is rendered: who runs the session is as blind as can be.
+    pub fn experimenter_view(&self, now_s: f64) -> Value {
+        let study = &self.checked.study;
+        let groups = (0..study.group_count()).map(|group| {
+            let name = study.group_name(group);
+            let there = self.known.iter().filter(|known| known.group == name && !known.has_withdrawn).count();
+            json!({ "name": name, "wanted": study.groups.0.get(group).map(|(_, people)| people), "there": there })
+        });
+        let participants = self.known.iter().map(|known| {
+            json!({ "code": known.code, "group": known.group, "done": known.done, "withdrawn": known.has_withdrawn })
+        });
+        json!({
+            "type": "experimenter", "about": study.about, "file": self.checked.path.display().to_string(),
+            "folder": self.folder.path().display().to_string(),
+            "groups": groups.collect::<Vec<_>>(), "participants": participants.collect::<Vec<_>>(),
+            "has_consent_text": self.page().is_some_and(|page| page.consent.is_some()),
+            "driven": self.driven, "to_confirm": self.needs_confirmation(), "trouble": self.trouble,
+            "session": self.seat.as_ref().map(|seat| self.session_view(seat, now_s)),
+        })
+    }
+
+    fn session_view(&self, seat: &Seat, now_s: f64) -> Value {
+        let (state, current) = match &seat.state {
+            State::Consent => ("consent", None),
+            State::Done => ("done", None),
+            State::Preparing(current) => ("preparing", Some(current)),
+            State::Prepared(current) => ("prepared", Some(current)),
+            State::Felt(current) => ("felt", Some(current)),
+        };
+        let trial = current.map(|current| {
+            let (name, phase) = &self.checked.study.phases.0[current.trial.phase];
+            let row = self.checked.row(&current.trial);
+            json!({
+                "trial": current.trial.number, "phase": name.text, "kind": phase.kind(), "scale": row.scale,
+                "training": current.trial.is_training, "conditions": conditions(current),
+                "open": current.opened_s.is_some(), "forced": current.is_forced, "felt_s": current.explored_s(now_s).round(),
+            })
+        });
+        json!({
+            "code": seat.code, "group": self.checked.study.group_name(seat.group), "state": state, "of": seat.trials.len(),
+            "held": seat.held, "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places[0].is_some() && current.places[1].is_some()),
+            "trial": trial,
+        })
+    }
+}
+
+/// The conditions of what is felt now, and the part of each that is reached.
+fn conditions(current: &Current) -> Vec<Value> {
+    let tally = current.tallies[current.place].as_ref().filter(|_| current.is_virtual(current.place));
+    let reached = tally.into_iter().flat_map(|tally| tally.reached());
+    reached.map(|(name, part)| json!({ "name": name, "part": (part * 50.0).floor() / 50.0 })).collect()
+}
