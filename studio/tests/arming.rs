@@ -358,3 +358,68 @@ fn ten_thousand_hostile_messages_of_owners_give_a_real_actuator_that_is_not_arme
     // The device is there and would have moved.
     rig.arm(&mut page);
 }
+
+#[test]
+fn a_study_arms_its_coil_in_trials_alone_once_the_limits_are_confirmed_and_the_participant_begins() {
+    let coil = Coil::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = GRAPH
+        .replace("PLACE", &coil.place.to_string())
+        .replace("peak_a: 1, continuous_a: 1", "peak_a: 0.5, continuous_a: 0.5");
+    std::fs::write(folder.path().join("g.ron"), graph).expect("written");
+    let study = r#"Study(format: 1, graph: "g.ron", endpoints: "live", surfaces: {}, phases: { "try": Practice(text: "Feel.") })"#;
+    std::fs::write(folder.path().join("study.ron"), study).expect("written");
+    let studio = common::study(
+        &folder.path().join("study.ron"),
+        &folder.path().join("data"),
+        &haptograph_nodes::registry(),
+    );
+    let mut experimenter = Page::let_in(studio.address(), studio.token());
+    let mut participant = Page::let_in(studio.address(), &common::participant_token(&studio));
+    let say = |page: &mut Page, what: &str| page.say(&json!({ "type": "study", "say": what }));
+    let rests = |coil: &Coil| {
+        coil.take();
+        std::thread::sleep(Duration::from_millis(100));
+        assert!(coil.take().iter().all(|current| *current == 0.0));
+    };
+    rests(&coil);
+    experimenter.say(&json!({ "type": "study", "say": "begin", "code": "P1", "group": "all" }));
+    participant.wait(|said| said["state"] == "consent");
+    say(&mut participant, "agree");
+    let view =
+        experimenter.wait(|said| said["to_confirm"] == true && said["session"]["state"] == "preparing");
+    assert!(
+        view["driven"][0].as_str().is_some_and(|limits| limits.contains("coil") && limits.contains("0.5 A")),
+        "{view}"
+    );
+    say(&mut experimenter, "ready");
+    experimenter.wait(|said| said["type"] == "refused");
+    say(&mut experimenter, "confirm");
+    say(&mut experimenter, "ready");
+    participant.wait(|said| said["state"] == "start");
+    rests(&coil);
+    let hold_until = |page: &mut Page, is_wanted: &dyn Fn(f64) -> bool| {
+        let asked = Instant::now();
+        while asked.elapsed() < PATIENCE {
+            page.say(&json!({ "type": "hold" }));
+            std::thread::sleep(Duration::from_millis(10));
+            if coil.take().last().is_some_and(|current| is_wanted(*current)) {
+                return;
+            }
+        }
+        panic!("it never was");
+    };
+    say(&mut participant, "start");
+    hold_until(&mut experimenter, &|current| current > 0.45);
+    // Nobody holds it: it falls to zero, and the trial waits.
+    experimenter.wait(|said| said["session"]["held"] == "the actuators were disarmed");
+    rests(&coil);
+    say(&mut experimenter, "ready");
+    participant.wait(|said| said["state"] == "start");
+    say(&mut participant, "start");
+    hold_until(&mut experimenter, &|current| current > 0.45);
+    // An answer ends the trial, and with it the current.
+    participant.say(&json!({ "type": "study", "say": "answer", "trial": 1 }));
+    experimenter.wait(|said| said["session"]["state"] == "done");
+    rests(&coil);
+}

@@ -2,11 +2,9 @@
 
 mod common;
 
-use common::{PATIENCE, Page};
+use common::{PATIENCE, Page, participant_token, study};
 use haptograph_engine::registry::Registry;
 use haptograph_studio::{Options, Studio};
-use haptograph_study::check::Checked;
-use haptograph_study::conduct::Conductor;
 use haptograph_study::data::{Folder, Row, Status};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
@@ -79,15 +77,10 @@ fn session(text: &str) -> Session {
     let folder = tempfile::tempdir().expect("a folder");
     let (path, data) = (folder.path().join("study.ron"), folder.path().join("data"));
     std::fs::write(&path, text).expect("written");
-    let studio = studio(&path, &data);
+    let studio = study(&path, &data, &registry());
     let experimenter = Page::let_in(studio.address(), studio.token());
-    let participant = Page::let_in(studio.address(), &token_of(&studio));
+    let participant = Page::let_in(studio.address(), &participant_token(&studio));
     Session { _folder: folder, data, studio, experimenter, participant }
-}
-
-fn token_of(studio: &Studio) -> String {
-    let url = studio.participant_url().expect("a study has one");
-    url.rsplit('=').next().expect("its end").to_owned()
 }
 
 /// The status of the answer to a request.
@@ -97,25 +90,6 @@ fn status(address: SocketAddr, path: &str) -> u16 {
     let mut answer = String::new();
     stream.read_to_string(&mut answer).expect("an answer");
     answer.split(' ').nth(1).and_then(|status| status.parse().ok()).expect("a status")
-}
-
-fn studio(path: &Path, data: &Path) -> Studio {
-    let checked = Checked::load(path, None).expect("right");
-    checked.check_graph(&registry()).expect("right");
-    let folder = Folder::open(data, &checked.identity(None)).expect("a folder");
-    let (graph, set) = Conductor::first(&checked, &registry()).expect("a graph");
-    let options = Options {
-        graph: checked.study.graph.clone(),
-        set,
-        endpoints: None,
-        port: 0,
-        out: data.to_owned(),
-        surfaces: Vec::new(),
-        lan: None,
-        learner: None,
-    };
-    let conductor = Conductor::open(checked, folder, &graph).expect("a conductor");
-    Studio::conduct(&options, &registry(), conductor).expect("a studio")
 }
 
 fn say(page: &mut Page, mut what: Value) {
@@ -255,7 +229,7 @@ fn each_page_can_only_do_what_is_its_own_and_nobody_comes_without_a_token() {
     for token in ["", "0123456789abcdef0123456789abcdef"] {
         assert_eq!(status(address, &format!("/?token={token}")), 403);
     }
-    assert_eq!(status(address, &format!("/report/any?token={}", token_of(&session.studio))), 403);
+    assert_eq!(status(address, &format!("/report/any?token={}", participant_token(&session.studio))), 403);
 }
 
 #[test]
@@ -293,9 +267,9 @@ fn a_session_that_was_cut_goes_on_at_the_first_trial_without_an_answer() {
     let second = first.trial();
     let Session { _folder: folder, data, studio: served, .. } = first;
     drop(served);
-    let studio = studio(&folder.path().join("study.ron"), &data);
+    let studio = study(&folder.path().join("study.ron"), &data, &registry());
     let experimenter = Page::let_in(studio.address(), studio.token());
-    let participant = Page::let_in(studio.address(), &token_of(&studio));
+    let participant = Page::let_in(studio.address(), &participant_token(&studio));
     let mut again = Session { _folder: folder, data, studio, experimenter, participant };
     again.begin("P07");
     let view = again.trial();

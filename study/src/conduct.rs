@@ -6,7 +6,7 @@ mod views;
 
 use crate::check::{Checked, StudyError};
 use crate::data::{Claim, Folder, Row, Status};
-use crate::document::Phase;
+use crate::document::{Phase, Study};
 use crate::order::{Stimulus, Trial};
 use crate::progress::next;
 use crate::tally::Tally;
@@ -188,9 +188,10 @@ impl Current {
         self.is_virtual(0) && self.is_virtual(1)
     }
 
-    /// True if something is felt; false for questions.
-    fn is_felt(&self, phase: &Phase) -> bool {
-        !matches!(phase, Phase::Questions(_))
+    /// True if the place that is felt is rendered; a practice without stimuli is the graph as it is.
+    fn renders(&self, study: &Study) -> bool {
+        let is_question = matches!(study.phases.0[self.trial.phase].1, Phase::Questions(_));
+        !is_question && self.places[self.place].is_none_or(|of| of.version.is_some())
     }
 
     fn is_reached(&self) -> bool {
@@ -425,7 +426,7 @@ impl Conductor {
 
     /// True if a prepared trial waits for the participant's hand.
     fn awaits_start(&self, current: &Current) -> bool {
-        !self.driven.is_empty() && (0..2).any(|place| current.is_virtual(place))
+        !self.driven.is_empty() && current.renders(&self.checked.study)
     }
 
     fn start(&mut self, now_s: f64) -> Stepped {
@@ -455,8 +456,9 @@ impl Conductor {
         current.pass(now_s);
         current.place = place.unwrap_or(current.place);
         let study = &self.checked.study;
+        current.is_rendered = current.renders(study);
         let phase = &study.phases.0[current.trial.phase].1;
-        if !current.is_felt(phase) {
+        if matches!(phase, Phase::Questions(_)) {
             current.since_s = Some(now_s);
             current.opened_s = Some(now_s);
             seat.state = State::Felt(current);
@@ -468,8 +470,6 @@ impl Conductor {
             (Some((.., standard)), false) => Some(standard),
             _ => current.trial.level,
         };
-        // A practice without stimuli is the graph as it is.
-        current.is_rendered = stimulus.is_none_or(|of| of.version.is_some());
         let code = seat.code.clone();
         let attempts = seat.claim.iter().flat_map(Claim::rows);
         let attempt = attempts.filter(|row| row.trial == current.trial.number).count() + 1;

@@ -1,7 +1,11 @@
 //! A page as the studio meets it, by WebSocket. What takes time is waited for, however long a machine needs.
 #![allow(dead_code, reason = "each file of tests uses a part")]
 
-use haptograph_studio::{Studio, page::learn_recording};
+use haptograph_engine::registry::Registry;
+use haptograph_studio::{Options, Studio, page::learn_recording};
+use haptograph_study::check::Checked;
+use haptograph_study::conduct::Conductor;
+use haptograph_study::data::Folder;
 use serde_json::{Value, json};
 use std::io;
 use std::net::{SocketAddr, TcpStream};
@@ -150,6 +154,32 @@ impl Page {
         }
         samples
     }
+}
+
+/// A studio that conducts the study of a file.
+pub fn study(path: &Path, data: &Path, registry: &Registry) -> Studio {
+    let checked = Checked::load(path, None).expect("right");
+    checked.check_graph(registry).expect("right");
+    let folder = Folder::open(data, &checked.identity(None)).expect("a folder");
+    let (graph, set) = Conductor::first(&checked, registry).expect("a graph");
+    let options = Options {
+        graph: checked.study.graph.clone(),
+        set,
+        endpoints: Some(checked.study.endpoints.clone()),
+        port: 0,
+        out: data.to_owned(),
+        surfaces: Vec::new(),
+        lan: None,
+        learner: None,
+    };
+    let conductor = Conductor::open(checked, folder, &graph).expect("a conductor");
+    Studio::conduct(&options, registry, conductor).expect("a studio")
+}
+
+/// The token of its participant's page.
+pub fn participant_token(studio: &Studio) -> String {
+    let url = studio.participant_url().expect("a study has one");
+    url.rsplit('=').next().expect("its end").to_owned()
 }
 
 /// A message that only the owner may send, damaged in what it carries.
