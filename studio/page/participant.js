@@ -47,9 +47,11 @@ function show(view) {
     const isNew = asked(before) !== asked(view);
     const { texts = {}, turns, input } = view;
     setText(find("stop"), texts.stop ?? "");
-    setText(find("instruction"), view.state === "consent" ? texts.consent : (view.text ?? ""));
-    setText(find("ask"), view.state === "trial" ? (input?.ask ?? "") : "");
-    showWaiting(view);
+    setText(find("instruction"), view.state === "consent" ? texts.consent : input?.ask ? (view.text ?? "") : "");
+    document.documentElement.lang = texts.language ?? "";
+    const { welcome, wait, start, thanks } = texts;
+    const says = { consent: welcome, trial: input?.ask || view.text, start, done: thanks };
+    setText(find("ask"), says[view.state] ?? wait ?? "");
     find("progress").value = view.of ? (view.trial - 1) / view.of : find("progress").value;
     find("turns").hidden = !turns;
     for (const place of [0, 1]) {
@@ -75,15 +77,8 @@ function show(view) {
     enable();
 }
 
-function showWaiting({ state, texts = {} }) {
-    const says = { idle: texts.wait, wait: texts.wait, stopped: texts.wait, done: texts.thanks }[state];
-    find("waiting").hidden = !says;
-    setText(find("waiting"), says ?? "");
-}
-
 function showSound({ sound_hz, texts = {}, masking: colour }) {
     participant.graph = { sound: sound_hz ? { rate_hz: sound_hz } : null };
-    find("sound").hidden = !sound_hz || sound.on;
     find("noise-label").hidden = !colour;
     setText(find("noise-text"), texts.noise ?? "");
 }
@@ -112,7 +107,7 @@ function ask({ state, texts = {}, input }) {
     find("answer").replaceChildren(...made);
     const goes = ["consent", "trial", "start"].includes(state);
     find("next").hidden = !goes;
-    setText(find("next"), (state === "start" ? texts.start : texts.next) ?? "");
+    setText(find("next"), texts.next ?? "");
 }
 
 const set = (answer) => {

@@ -72,28 +72,29 @@ export const programTest = (name, run) => {
     else console.log(`skipped ${name}: there is no ${PROGRAM}`);
 };
 
-// A studio of `graph` in a folder of its own with a copy of the graphs; `files` are further texts by path. `end` ends it.
-export async function studioOf(graph, { files = {}, more = [] } = {}) {
-    const root = mkdtempSync(join(tmpdir(), "haptograph-studio-"));
+// A studio of `graph` in a folder of its own with a copy of the graphs; `files` are further texts by path. `end` ends it. With
+// another `command` what that serves, at so many addresses.
+export async function studioOf(graph, { files = {}, more = [], command = ["studio"], count = 1, root = null } = {}) {
+    root ??= mkdtempSync(join(tmpdir(), "haptograph-studio-"));
     cpSync(join(HOME, "graphs"), join(root, "graphs"), { recursive: true });
     for (const [path, text] of Object.entries(files)) writeFileSync(join(root, path), text);
-    const program = spawn(PROGRAM, ["studio", graph, "--no-open", ...more], { cwd: root, stdio: ["ignore", "pipe", "pipe"] });
+    const program = spawn(PROGRAM, [...command, graph, "--no-open", ...more], { cwd: root, stdio: ["ignore", "pipe", "pipe"] });
     let said = "";
     const addresses = await new Promise((done, failed) => {
         const take = (bytes) => {
             said += bytes;
             const found = said.match(/http:\/\/\S+/g) ?? [];
-            if (found.length > (more.some((option) => option.startsWith("--lan")) ? 1 : 0)) done(found);
+            if (found.length >= count + (more.some((option) => option.startsWith("--lan")) ? 1 : 0)) done(found);
         };
         program.stdout.on("data", take);
         program.stderr.on("data", take);
         program.on("exit", () => failed(new Error(`the studio ended: ${said}`)));
     });
-    const end = () =>
+    const end = (signal = "SIGINT", keeps = false) =>
         new Promise((done) => {
             program.removeAllListeners("exit");
-            program.on("exit", () => (rmSync(root, { recursive: true, force: true }), done()));
-            program.kill("SIGINT");
+            program.on("exit", () => (keeps || rmSync(root, { recursive: true, force: true }), done()));
+            program.kill(signal);
         });
     return { root, address: addresses[0], addresses, end };
 }

@@ -68,6 +68,10 @@ settings! {
 settings! {
     /// The participant's page: what differs from the English one.
     pub struct Page {
+        /// The language of the texts, as in `de`, for programs that read them aloud.
+        language: Option<String> = None;
+        /// Above what the participant agrees to.
+        welcome: Option<String> = None;
         /// What the participant agrees to before anything is stored.
         consent: Option<String> = None;
         /// Beside the box that the participant ticks.

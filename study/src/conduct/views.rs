@@ -28,12 +28,14 @@ impl Conductor {
             page.and_then(|page| of(page).clone()).unwrap_or_else(|| otherwise.to_owned())
         };
         json!({
+            "language": text(|page| &page.language, "en"),
+            "welcome": text(|page| &page.welcome, "Welcome"),
             "consent": text(|page| &page.consent, "You are going to feel surfaces and answer questions about them. You can stop at any time, without giving a reason."),
             "agree": text(|page| &page.agree, "I agree to take part"),
             "next": text(|page| &page.next, "Next"),
             "stop": text(|page| &page.stop, "Stop"),
             "wait": text(|page| &page.wait, "Please wait a moment"),
-            "start": text(|page| &page.start, "Hold the tool free, then press here"),
+            "start": text(|page| &page.start, "Hold the tool free of everything, then go on"),
             "thanks": text(|page| &page.thanks, "That was all. Thank you!"),
             "force": text(|page| &page.force, "Pressing force"),
             "noise": text(|page| &page.noise, "Noise"),
