@@ -20,9 +20,13 @@ pub(crate) struct OnStage {
     told: [Value; 2],
     /// The run that follows once the one before has fallen to zero.
     pub presentation: Option<Presentation>,
+    /// In a page there is no study: the compiler leaves it out.
+    #[cfg(target_family = "wasm")]
+    never: std::convert::Infallible,
 }
 
 impl OnStage {
+    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(conductor: Conductor) -> Self {
         Self { conductor, begun: Instant::now(), told: Default::default(), presentation: None }
     }
@@ -195,6 +199,7 @@ impl Stage {
     }
 
     /// Puts a study on the stage; nothing runs before its first trial.
+    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn begin_study(&mut self, conductor: Conductor) -> Result<(), super::StageError> {
         self.study = Some(OnStage::new(conductor));
         self.halt();
