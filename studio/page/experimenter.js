@@ -36,6 +36,7 @@ function task({ session, to_confirm, participant_is_there, pressed_n }) {
         return [why + toLay(laid, is_pair), "Ready", { say: "ready" }];
     }
     if (state === "prepared") return ["The participant takes the tool free and starts the trial."];
+    if (session.trial.kind === "recordings") return ["The take is being recorded."];
     return [pressed_n > 0 ? `The participant presses with ${pressed_n.toFixed(1)} N.` : "The participant feels and answers."];
 }
 
@@ -71,6 +72,8 @@ function show() {
     const where = trial && [`trial ${trial.trial} of ${session.of}`, trial.phase, trial.kind, ...scale, felt];
     setText(find("where"), session ? [session.code, `group ${session.group}`, ...(where ?? [])].filter(Boolean).join(" · ") : "");
     showConditions(session?.state === "felt" ? trial.conditions : []);
+    find("recorded").hidden = view.recorded.length === 0;
+    setText(find("recorded"), view.recorded.join("\n"));
     showPeople();
     if (view.trouble) setText(find("problem"), view.trouble);
 }

@@ -105,7 +105,7 @@ function ask({ state, texts = {}, input }) {
     const kinds = { line, which, choice, number, words };
     const made = state === "consent" ? [agreement(texts)] : state === "trial" ? (kinds[input?.kind]?.(input, texts) ?? []) : [];
     find("answer").replaceChildren(...made);
-    const goes = ["consent", "trial", "start"].includes(state);
+    const goes = ["consent", "trial", "start"].includes(state) && input?.kind !== "record"; // which ends by itself
     find("next").hidden = !goes;
     setText(find("next"), texts.next ?? "");
 }

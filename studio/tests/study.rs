@@ -285,6 +285,31 @@ fn a_session_that_was_cut_goes_on_at_the_first_trial_without_an_answer() {
 }
 
 #[test]
+fn takes_of_people_are_named_as_evaluate_reads_them() {
+    let graph = main_folder().join("graphs/recorder.ron");
+    let text = format!(
+        r#"Study(format: 1, graph: "{}", surface_parameter: "material",
+            surfaces: {{ "T1": (sample: "tray 1"), "T4": (sample: "tray 4") }},
+            phases: {{ "takes": Record(seconds: 0.5, takes: 2) }})"#,
+        graph.display()
+    );
+    let mut session = session(&text);
+    session.begin("P03");
+    session.agree();
+    while session.trial()["state"] != "done" {}
+    let mut takes: Vec<String> = haptograph_signal::files::list(&session.data.join("recordings"))
+        .iter()
+        .map(|path| path.file_name().expect("a name").to_string_lossy().into_owned())
+        .collect();
+    takes.sort();
+    assert_eq!(takes, ["T1.P03.1.npz", "T1.P03.2.npz", "T4.P03.1.npz", "T4.P03.2.npz"]);
+    assert!(rows(&session.data).iter().all(|row| row.exploration_s >= 0.5 && row.exploration_s < 60.0));
+    say(&mut session.experimenter, json!({ "say": "withdraw" }));
+    session.experimenter.wait(|said| said["participants"][0]["withdrawn"] == true);
+    assert!(haptograph_signal::files::list(&session.data.join("recordings")).is_empty());
+}
+
+#[test]
 fn the_run_of_a_trial_is_replayed_with_the_same_samples() {
     let mut session = session(&text());
     session.begin("P07");

@@ -331,7 +331,7 @@ impl Analysis {
                         &of_phase,
                     );
                 }
-                Phase::Practice(_) | Phase::Explore(_) | Phase::Questions(_) => {}
+                Phase::Practice(_) | Phase::Explore(_) | Phase::Record(_) | Phase::Questions(_) => {}
             }
         }
         Ok(analysis)

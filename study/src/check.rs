@@ -181,6 +181,9 @@ impl Checked {
             let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
             set(&self.study.surface_parameter, file.display().to_string());
         }
+        if let (Phase::Record(_), Some(of)) = (phase, stimulus) {
+            set(&self.study.surface_parameter, self.study.surfaces.0[of.surface].0.text.clone());
+        }
         if let (Some(level), Some((_, parameter, _))) = (level, phase.varied()) {
             set(&parameter.text, level.show());
         }
@@ -350,6 +353,7 @@ impl Phase {
             Self::Rate(of) => (&of.stimuli, &of.surfaces),
             Self::Pairs(of) => (&of.stimuli, &of.surfaces),
             Self::Compare(of) => (&[Presented::Real, ALL_VERSIONS], &of.surfaces),
+            Self::Record(of) => (&[Presented::Real], &of.surfaces),
             _ => (&[], &[]),
         }
     }
@@ -372,6 +376,7 @@ impl Phase {
             Self::Explore(phase) => &phase.order,
             Self::Rate(phase) => &phase.order,
             Self::Compare(phase) => &phase.order,
+            Self::Record(phase) => &phase.order,
             _ => &[],
         }
     }
@@ -439,7 +444,7 @@ impl Names<'_> {
             }
         }
         match phase {
-            Phase::Practice(_) | Phase::Explore(_) => {}
+            Phase::Practice(_) | Phase::Explore(_) | Phase::Record(_) => {}
             Phase::Rate(of) => self.known(&of.scales, &study.scales, "scale"),
             Phase::Compare(of) => {
                 self.known(&of.versions, &study.versions, "version");
@@ -602,6 +607,7 @@ impl Study {
             Phase::Rate(of) => stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize),
             Phase::Compare(of) => self.compared(of).len().saturating_mul(of.repeats as usize),
             Phase::Pairs(_) => stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2,
+            Phase::Record(of) => stimuli.saturating_mul(of.takes as usize),
             Phase::Questions(of) => of.questions.0.len(),
             Phase::ConstantStimuli(of) => of.levels.len().saturating_mul(of.repeats as usize),
             Phase::Staircase(of) => of.at_most as usize,

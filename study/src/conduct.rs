@@ -483,7 +483,7 @@ impl Conductor {
             tally.begin_run();
         }
         current.since_s = Some(now_s + PAUSE_S);
-        let runs = current.is_rendered || self.has_sensors;
+        let runs = current.is_rendered || self.has_sensors || matches!(phase, Phase::Record(_));
         seat.state = State::Felt(current);
         Ok(if runs { Step::Present(presentation) } else { Step::Silence })
     }
@@ -513,11 +513,12 @@ impl Conductor {
         }
     }
 
-    /// Lets time pass, s: a prepared trial begins, and an answer opens once its conditions are reached.
+    /// Lets time pass, s: a prepared trial begins, an answer opens once its conditions are reached, and a recording ends; it is kept
+    /// when its run is over.
     ///
     /// # Errors
     /// If the next trial cannot begin.
-    pub fn tick(&mut self, now_s: f64) -> Stepped {
+    pub fn tick(&mut self, now_s: f64, is_running: bool) -> Stepped {
         let begins = match self.seat.as_ref().map(|seat| &seat.state) {
             Some(State::Prepared(current)) => !self.awaits_start(current),
             _ => false,
@@ -529,8 +530,17 @@ impl Conductor {
             && current.has_begun(now_s)
         {
             current.felt[current.place] = true;
-            if current.opened_s.is_none() && current.is_reached() {
+            let seconds = match &self.checked.study.phases.0[current.trial.phase].1 {
+                Phase::Record(record) => Some(record.seconds),
+                _ => None,
+            };
+            let is_reached = seconds.map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
+            if current.opened_s.is_none() && is_reached {
                 current.opened_s = Some(now_s);
+                return Ok(if seconds.is_some() { Step::Silence } else { Step::None });
+            }
+            if seconds.is_some() && current.opened_s.is_some() && !is_running {
+                return self.keep_recording();
             }
         }
         Ok(Step::None)

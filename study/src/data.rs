@@ -142,6 +142,8 @@ virtual stimuli each has its own, `first: ` and `second: `. A number whose trial
 
 ## notes.csv: a note of the experimenter, or an interruption (`STOP`, `paused`), with the trial during which it was made
 
+## recordings/SURFACE.PARTICIPANT.TAKE: what was recorded, for `haptograph evaluate` and `haptograph learn`
+
 ## signals/PARTICIPANT/TRIAL-ATTEMPT-RUN: the runs in which something was felt, in their order
 
 `strokes.json` has the moves, the parameters of the graph and the seed, and can be replayed; the other files are those that the graph writes.
@@ -437,6 +439,36 @@ impl Folder {
         Ok(all.map(|known| known.participant).collect())
     }
 
+    /// Copies the recording of the newest run whose name begins so to `recordings/SURFACE.PARTICIPANT.TAKE`, as `evaluate` reads it.
+    ///
+    /// # Errors
+    /// If the run has none, or it cannot be copied.
+    pub(crate) fn keep_take(
+        &self,
+        code: &str,
+        run: &str,
+        (surface, take): (&str, usize),
+    ) -> Result<(), DataError> {
+        let (signals, takes) = (self.path.join("signals").join(code), self.path.join("recordings"));
+        let runs = fs::read_dir(&signals).map_err(|error| file_error(&signals, error))?.flatten();
+        let number = |path: &PathBuf| {
+            let name = path.file_name()?.to_str()?;
+            name.strip_prefix(run)?.parse::<u32>().ok()
+        };
+        let newest = runs.map(|run| run.path()).filter_map(|path| Some((number(&path)?, path))).max();
+        let files = newest.iter().flat_map(|(_, run)| files::list(run));
+        let recording = files.into_iter().find(|file| file.file_stem().is_some_and(|stem| stem == "recording"));
+        let none = "the graph wrote no file `recording.npz` or `recording.csv`";
+        let recording = recording.ok_or_else(|| file_error(&signals, none))?;
+        let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | ' ') { c } else { '-' };
+        let surface: String = surface.chars().map(plain).collect();
+        let end = recording.extension().unwrap_or_default().to_string_lossy();
+        let copy = takes.join(format!("{surface}.{code}.{take}.{end}"));
+        let copied = fs::create_dir_all(&takes).and_then(|()| fs::read(&recording));
+        let copied = copied.and_then(|bytes| write_atomically(&copy, &bytes));
+        copied.map_err(|error| file_error(&copy, error))
+    }
+
     /// The lock under which tables change: a table itself may be replaced.
     fn lock(&self) -> Result<File, DataError> {
         let path = self.path.join("locks").join(".tables");
@@ -558,7 +590,9 @@ impl Folder {
             ["trials.interrupted", "measures.interrupted", "notes.interrupted"].map(|name| self.table(name));
         let computed = files::list(&self.path.join("analysis"));
         let computed = computed.into_iter().filter(|file| file.extension().is_some_and(|of| of == "csv"));
-        for file in computed.chain(left) {
+        let takes = files::list(&self.path.join("recordings")).into_iter();
+        let takes = takes.filter(|take| take.to_string_lossy().rsplit('.').nth(2) == Some(code));
+        for file in computed.chain(left).chain(takes) {
             unless_missing(fs::remove_file(&file), &file)?;
         }
         let lock = self.path.join("locks").join(code);

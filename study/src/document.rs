@@ -126,6 +126,8 @@ choices! {
         Compare(Compare),
         /// Two stimuli, every pair once.
         Pairs(Pairs),
+        /// A recording of a real surface, from which its virtual one is learned.
+        Record(Record),
         /// Questions about the participant or the study.
         Questions(Questions),
         /// Which of two is more: levels of one parameter against a standard, each as often.
@@ -248,6 +250,24 @@ settings! {
         opens_when: Named<Gate> = Named::default();
         /// Trials before, drawn from the phase's own, which are not analysed.
         training: u32 = 0, in 0..=1000;
+    }
+}
+
+settings! {
+    /// A phase of recordings (thesis 2.5.3): real surfaces, which a person explores with a recording tool.
+    pub struct Record {
+        /// The groups that take part; all if empty.
+        groups: Vec<Name> = Vec::new();
+        /// The instruction.
+        text: String = String::new();
+        /// Of these surfaces; all that have a sample if empty. `surface_parameter` gets the name of the surface.
+        surfaces: Vec<Name> = Vec::new();
+        /// Length of a take.
+        seconds: f64 = 10.0, in 0.1..=3600.0;
+        /// How often each surface is recorded.
+        takes: u32 = 1, in 1..=1000;
+        /// The order of trials, outermost first.
+        order: Vec<Level> = vec![Level { arrange: Arrange::Shuffle, factor: Factor::Surface }];
     }
 }
 

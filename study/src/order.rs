@@ -154,6 +154,10 @@ impl Study {
                 let cells = self.compared(compare);
                 draw.repeated(compare.repeats, &cells, &compare.order)
             }
+            Phase::Record(record) => {
+                let cells = self.stimuli(&[Presented::Real], &record.surfaces).into_iter().map(one);
+                draw.repeated(record.takes, &cells.collect::<Vec<_>>(), &record.order)
+            }
             Phase::Pairs(pairs) => draw.with_sides(self.paired(pairs)),
             Phase::ConstantStimuli(phase) => {
                 let stimulus = self.virtual_one(&phase.surface);
@@ -232,6 +236,7 @@ impl Phase {
             Self::Rate(of) => (&of.groups, &of.text),
             Self::Compare(of) => (&of.groups, &of.text),
             Self::Pairs(of) => (&of.groups, &of.text),
+            Self::Record(of) => (&of.groups, &of.text),
             Self::Questions(of) => (&of.groups, &of.text),
             Self::ConstantStimuli(of) => (&of.groups, &of.text),
             Self::Staircase(of) => (&of.groups, &of.text),
@@ -246,6 +251,7 @@ impl Phase {
             Self::Rate(_) => "ratings",
             Self::Compare(_) => "comparisons with the real surface",
             Self::Pairs(_) => "pairs",
+            Self::Record(_) => "recordings",
             Self::Questions(_) => "questions",
             Self::ConstantStimuli(_) => "constant stimuli",
             Self::Staircase(_) => "staircase",

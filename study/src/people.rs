@@ -160,7 +160,7 @@ impl<'p> Person<'p> {
                 }
             }
             Phase::Explore(_) => row.text = "simulated".to_owned(),
-            Phase::Practice(_) => {}
+            Phase::Practice(_) | Phase::Record(_) => {}
             Phase::Rate(_) | Phase::Compare(_) => {
                 let value = trial.second.or(trial.first).map(|of| self.people.value(study, &row.scale, of));
                 row.rating = Some(self.rating(value.unwrap_or(0.0)));

@@ -155,7 +155,7 @@ impl Stage {
                 Ok(study.conductor.interrupt("the actuators were disarmed", now_s))
             }
             true => Ok(study.conductor.interrupt("the run ended", now_s)),
-            false => study.conductor.tick(now_s),
+            false => study.conductor.tick(now_s, self.session.is_some()),
         };
         if let Err(error) = stepped.and_then(|step| self.step(step)) {
             self.fail_in_study(&error);
@@ -174,6 +174,8 @@ impl Stage {
         views[0]["sound_hz"] = rate_hz.filter(|_| driven(&self.loaded.graph).is_empty()).into();
         views[1]["participant_is_there"] = is_there.into();
         // A hand on the page's pad, N; how hard one presses tells nothing about what is rendered.
+        let recorded = self.loaded.graph.file_progress().filter(|_| self.session.is_some());
+        views[1]["recorded"] = recorded.map(|(_, file)| file.lines().join("\n")).collect();
         let pressed_n = self.signals.pads.iter().map(Pad::force_n).fold(0.0, f64::max);
         views[1]["pressed_n"] = ((pressed_n * 10.0).round() / 10.0).into();
         for (number, view) in views.into_iter().enumerate() {

@@ -3,6 +3,7 @@
 use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped};
 use crate::document::{Phase, Question};
 use crate::order::Trial;
+use std::collections::BTreeSet;
 
 impl Conductor {
     /// Keeps an answer; when this returns without an error, it is on disk.
@@ -48,6 +49,27 @@ impl Conductor {
         self.advance(Some("the trial before again"))
     }
 
+    /// Keeps a take beside the others, named as `evaluate` reads them, and goes on.
+    pub(super) fn keep_recording(&mut self) -> Stepped {
+        let Some(Seat { code, claim: Some(claim), state: State::Felt(current), .. }) = &self.seat else {
+            return Ok(Step::None);
+        };
+        let mut row = self.checked.row(&current.trial);
+        let takes = claim.rows().iter().filter(|before| {
+            before.phase == row.phase && before.first_surface == row.first_surface && before.trial < row.trial
+        });
+        let attempt = claim.rows().iter().filter(|before| before.trial == row.trial).count() + 1;
+        let run = format!("{:03}-{attempt}-", row.trial);
+        let numbers: BTreeSet<u32> = takes.map(|before| before.trial).collect();
+        let take = (&*row.first_surface, numbers.len() + 1);
+        row.exploration_s = to_ms(current.explored_s(0.0));
+        if let Err(why) = self.folder.keep_take(code, &run, take) {
+            self.interrupt("there is no recording", 0.0);
+            return Err(why.to_string());
+        }
+        self.keep(row)
+    }
+
     fn keep(&mut self, row: Row) -> Stepped {
         let Some(seat) = &mut self.seat else { return Ok(Step::None) };
         let (Some(claim), State::Preparing(current) | State::Prepared(current) | State::Felt(current)) =
@@ -78,7 +100,7 @@ impl Conductor {
             }
         };
         match &self.checked.study.phases.0[trial.phase].1 {
-            Phase::Practice(_) => {}
+            Phase::Practice(_) | Phase::Record(_) => {}
             Phase::Explore(_) => row.text = words(false)?,
             Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => row.rating = Some(rating(0.0, 1.0)?),
             Phase::Questions(phase) => {

@@ -72,7 +72,7 @@ impl Conductor {
             // What is only laid out is felt beside the page.
             "pad": (0..2).any(|place| current.is_virtual(place)) || matches!(phase, Phase::Practice(_)),
             "begins": !current.has_begun(now_s),
-            "conditions": conditions(current), "open": is_open, "lamp": self.page().and_then(|page| page.lamp.as_ref()).map(|_| self.lamp),
+            "conditions": self.conditions(current, now_s), "open": is_open, "lamp": self.page().and_then(|page| page.lamp.as_ref()).map(|_| self.lamp),
         })
     }
 
@@ -86,6 +86,7 @@ impl Conductor {
         };
         match phase {
             Phase::Practice(_) => json!({ "kind": "none", "ask": "" }),
+            Phase::Record(_) => json!({ "kind": "record", "ask": "" }),
             Phase::Explore(of) => json!({ "kind": "words", "ask": of.ask, "optional": false }),
             Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(None),
             Phase::ConstantStimuli(of) => json!({ "kind": "which", "ask": of.ask }),
@@ -138,7 +139,7 @@ impl Conductor {
             let row = self.checked.row(&current.trial);
             json!({
                 "trial": current.trial.number, "phase": name.text, "kind": phase.kind(), "scale": row.scale,
-                "training": current.trial.is_training, "conditions": conditions(current),
+                "training": current.trial.is_training, "conditions": self.conditions(current, now_s),
                 "open": current.opened_s.is_some(), "forced": current.is_forced, "felt_s": current.explored_s(now_s).round(),
             })
         });
@@ -148,11 +149,17 @@ impl Conductor {
             "trial": trial,
         })
     }
-}
 
-/// The conditions of what is felt now, and the part of each that is reached.
-fn conditions(current: &Current) -> Vec<Value> {
-    let tally = current.tallies[current.place].as_ref().filter(|_| current.is_virtual(current.place));
-    let reached = tally.into_iter().flat_map(|tally| tally.reached());
-    reached.map(|(name, part)| json!({ "name": name, "part": (part * 50.0).floor() / 50.0 })).collect()
+    /// The conditions of what is felt now, and the part of each that is reached; of a recording the time that is left.
+    fn conditions(&self, current: &Current, now_s: f64) -> Vec<Value> {
+        let part = |part: f64| (part * 50.0).floor() / 50.0;
+        if let Phase::Record(record) = &self.checked.study.phases.0[current.trial.phase].1 {
+            let done_s = current.explored_s(now_s).min(record.seconds);
+            let left = format!("{:.0} s", (record.seconds - done_s).ceil());
+            return vec![json!({ "name": left, "part": part(done_s / record.seconds) })];
+        }
+        let tally = current.tallies[current.place].as_ref().filter(|_| current.is_virtual(current.place));
+        let reached = tally.into_iter().flat_map(|tally| tally.reached());
+        reached.map(|(name, reached)| json!({ "name": name, "part": part(reached) })).collect()
+    }
 }
