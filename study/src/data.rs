@@ -457,7 +457,8 @@ impl Folder {
         };
         let newest = runs.map(|run| run.path()).filter_map(|path| Some((number(&path)?, path))).max();
         let files = newest.iter().flat_map(|(_, run)| files::list(run));
-        let recording = files.into_iter().find(|file| file.file_stem().is_some_and(|stem| stem == "recording"));
+        let recording =
+            files.into_iter().find(|file| file.file_stem().is_some_and(|stem| stem == "recording"));
         let none = "the graph wrote no file `recording.npz` or `recording.csv`";
         let recording = recording.ok_or_else(|| file_error(&signals, none))?;
         let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | ' ') { c } else { '-' };
