@@ -10,8 +10,10 @@ use crate::engine::diagnostic::{Diagnostic, Diagnostics, Severity, Span};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
-use crate::engine::settings::SettingSpec;
+use crate::engine::settings::{Part, SettingSpec, Settings};
 use crate::report::reference::{self, Listed};
+use haptograph_study::check::{Checked, StudyError};
+use haptograph_study::document::Study;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::io::{BufRead, Write};
@@ -114,6 +116,7 @@ impl Server<'_> {
         text.clone_into(&mut open.text);
         let path = path_of(address);
         let findings = match Document::parse(&path, text) {
+            _ if is_study(text) => study_findings(&path, text, self.registry),
             Err(findings) => findings,
             Ok(document) => match check(&document, self.registry, &CheckOptions::default()) {
                 Err(findings) => findings,
@@ -135,7 +138,11 @@ impl Server<'_> {
         };
         match context(text, at) {
             Context::Connection => self.connections(address, text, at),
+            Context::Fields(kind) if is_study(text) => {
+                study_part(&kind).iter().flat_map(|part| part.fields.iter().map(completion)).collect()
+            }
             Context::Fields(kind) => self.fields(&kind),
+            Context::Other if is_study(text) => study_choices(),
             Context::Other => self.kinds(),
         }
     }
@@ -173,28 +180,24 @@ impl Server<'_> {
 
     /// The inputs and settings of a kind.
     fn fields(&self, kind: &str) -> Value {
-        let item = |name: &str, detail: String, doc: &str| {
-            json!({
-                "label": name, "kind": KIND_FIELD, "detail": detail, "documentation": doc,
-                "insertText": format!("{name}: "),
-            })
-        };
-        let setting = |setting: &SettingSpec| item(setting.name, detail(setting), &setting.doc);
         if let Some(entry) = self.registry.node(kind) {
             let inputs = entry.spec.inputs.iter().map(|port| {
                 let detail = format!("input: {}", reference::quantity_rule(port.quantity));
-                item(port.name, detail, port.doc)
+                field(port.name, detail, port.doc)
             });
-            return inputs.chain(entry.settings().iter().map(setting)).collect();
+            return inputs.chain(entry.settings().iter().map(completion)).collect();
         }
         let device = self.registry.device(kind);
-        device.map_or_else(|| json!([]), |entry| entry.settings().iter().map(setting).collect())
+        device.map_or_else(|| json!([]), |entry| entry.settings().iter().map(completion).collect())
     }
 
     /// Explains the word at a position: a kind, or a field of the enclosing kind.
     fn hover(&self, address: &str, position: &Value) -> Value {
         let said = self.place(address, position).and_then(|(text, at)| {
             let word = word_at(text, at)?;
+            if is_study(text) {
+                return study_word(word, context(text, at));
+            }
             let kind = reference::kind(self.registry, word);
             kind.or_else(|| match context(text, at) {
                 Context::Fields(kind) => self.field(&kind, word),
@@ -226,6 +229,75 @@ impl Server<'_> {
         let at = Positions::of(text).byte(text, number("line")?, number("character")?);
         Some((text, at))
     }
+}
+
+/// A field to be completed.
+fn field(name: &str, detail: String, doc: &str) -> Value {
+    json!({
+        "label": name, "kind": KIND_FIELD, "detail": detail, "documentation": doc, "insertText": format!("{name}: "),
+    })
+}
+
+fn completion(setting: &SettingSpec) -> Value {
+    field(setting.name, detail(setting), &setting.doc)
+}
+
+/// True for a file that holds a study.
+fn is_study(text: &str) -> bool {
+    let first = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with("//"));
+    first.is_some_and(|line| line.starts_with("Study"))
+}
+
+fn study_findings(path: &Path, text: &str, registry: &Registry) -> Diagnostics {
+    let checked = Checked::parse(path, text, None).and_then(|study| study.check_graph(registry));
+    match checked {
+        Err(StudyError::Study(findings)) => findings,
+        Err(other) => Diagnostics {
+            list: vec![Diagnostic::error("E0304", Span::default(), other.to_string())],
+            ..Diagnostics::default()
+        },
+        Ok(()) => Diagnostics::default(),
+    }
+}
+
+/// The parts of a study's file, choices within choices among them.
+fn study_parts() -> Vec<Part> {
+    let mut all = vec![Part::of_choice(Study::NAME, Study::DOC, Study::specs().to_vec())];
+    let mut at = 0;
+    while let Some(part) = all.get(at) {
+        let inner: Vec<Part> = part.fields.iter().flat_map(|field| field.parts.clone()).collect();
+        let new: Vec<Part> = inner.into_iter().filter(|part| !all.contains(part)).collect();
+        all.extend(new);
+        at += 1;
+    }
+    all
+}
+
+fn study_part(name: &str) -> Option<Part> {
+    study_parts().into_iter().find(|part| part.choice == Some(name))
+}
+
+fn study_choices() -> Value {
+    let choices = study_parts().into_iter().filter_map(|part| {
+        let name = part.choice?;
+        let insert = if part.fields.is_empty() { name.to_owned() } else { format!("{name}($0)") };
+        Some(json!({
+            "label": name, "kind": KIND_CLASS, "detail": "study", "documentation": part.doc, "insertText": insert,
+            "insertTextFormat": SNIPPET,
+        }))
+    });
+    choices.collect()
+}
+
+/// Explains a word of a study.
+fn study_word(word: &str, context: Context) -> Option<String> {
+    if let Some(part) = study_part(word) {
+        return Some(format!("`{word}`: {}", part.doc));
+    }
+    let Context::Fields(kind) = context else { return None };
+    let part = study_part(&kind)?;
+    let setting = part.fields.iter().find(|setting| setting.name == word)?;
+    Some(format!("`{word}` of {kind} ({}): {}", detail(setting), setting.doc))
 }
 
 fn detail(setting: &SettingSpec) -> String {

@@ -97,7 +97,15 @@ impl Checked {
     pub fn load(path: &Path, surfaces: Option<&Path>) -> Result<Self, StudyError> {
         let text = files::read_text(path, MAX_GRAPH_BYTES)
             .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
-        let mut file = SettingsFile::<Study>::parse(path, &text, "a study").map_err(StudyError::Study)?;
+        Self::parse(path, &text, surfaces)
+    }
+
+    /// The same with this text in place of the file's.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(path: &Path, text: &str, surfaces: Option<&Path>) -> Result<Self, StudyError> {
+        let mut file = SettingsFile::<Study>::parse(path, text, "a study").map_err(StudyError::Study)?;
         if let Some(folder) = surfaces {
             file.content.surfaces = surfaces_of(folder)?;
         }

@@ -39,6 +39,32 @@ fn labels(answer: &Value) -> Vec<&str> {
 }
 
 #[test]
+fn studies_are_checked_and_completed_too() {
+    let text = "// three surfaces\nStudy(format: 1, graph: \"none.ron\",\n    surfaces: {}, phases: { \"a\": Rate(repeat: 2) },\n)\n";
+    let document = json!({ "uri": "file:///tmp/a%20b.ron", "languageId": "ron", "version": 1, "text": text });
+    let open =
+        json!({ "jsonrpc": "2.0", "method": "textDocument/didOpen", "params": { "textDocument": document } });
+    let complete = "textDocument/completion";
+    let answers = talk(&[open, ask(complete, 2, 38), ask(complete, 2, 27), ask("textDocument/hover", 2, 35)]);
+    let findings = answers[0]["params"]["diagnostics"].as_array().unwrap();
+    assert!(
+        findings.iter().any(|finding| finding["code"] == "E0204" && finding["range"]["start"]["line"] == 2),
+        "{findings:?}"
+    );
+    assert!(labels(&answers[1]).contains(&"repeats"), "{}", answers[1]);
+    assert!(
+        ["Compare", "Staircase", "Choice", "Pink"].iter().all(|name| labels(&answers[2]).contains(name)),
+        "{}",
+        answers[2]
+    );
+    assert!(
+        answers[3]["result"]["contents"]["value"].as_str().is_some_and(|said| said.contains("one scale")),
+        "{}",
+        answers[3]
+    );
+}
+
+#[test]
 fn findings_stand_where_they_are_in_units_of_the_protocol() {
     let answers = talk(&[open()]);
     let findings = answers[0]["params"]["diagnostics"].as_array().unwrap();
