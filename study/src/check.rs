@@ -1,7 +1,7 @@
 //! Reading and checking of a study: its names first, then its graph with each version.
 
 use crate::data::{DataError, Identity, Row, check_code};
-use crate::document::{Arrange, Factor, Gate, Phase, Presented, Question, Study, SurfaceOf};
+use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf};
 use crate::order::{ALL_VERSIONS, Stimulus, Trial, distinct, square_rows};
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
@@ -531,12 +531,16 @@ impl Names<'_> {
     fn staircase(&mut self, of: &crate::document::Staircase) {
         self.rendered(&of.surface);
         let [least, most] = of.limits;
-        let is_within = [of.start, of.standard].iter().all(|level| (least..=most).contains(level));
+        let is_within = |level: &f64| (least..=most).contains(level);
         let are_steps = !of.steps.is_empty() && of.steps.iter().all(|step| *step > 0.0);
-        if !is_within || !are_steps {
+        let can_move = match of.method {
+            Method::UpDown => of.start.as_ref().is_some_and(is_within) && are_steps,
+            Method::QuestPlus => least < most,
+        };
+        if !is_within(&of.standard) || !can_move {
             let message = "the staircase cannot move".to_owned();
             let wrong = Diagnostic::error("E0304", of.parameter.span, message).label("of this parameter");
-            let help = "`start` and `standard` lie within `limits`, and each of `steps` is above zero";
+            let help = "`standard` and the `start` of `UpDown` lie within `limits`, and each of its `steps` is above zero";
             self.list.push(wrong.help(help));
         }
     }

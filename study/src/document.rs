@@ -368,18 +368,30 @@ settings! {
         parameter: Name;
         /// Its value in the standard.
         standard: f64;
-        /// The first level.
-        start: f64;
+        /// How the level follows.
+        method: Method = Method::UpDown;
+        /// The first level of `UpDown`.
+        start: Option<f64> = None;
         /// The smallest and the largest level.
         limits: [f64; 2];
-        /// The step upwards after a wrong answer, in the parameter, at each reversal the next; the last one stays.
-        steps: Vec<f64>;
-        /// The share of right answers at which the level settles: downwards the step is smaller by (1 - share) / share.
+        /// The step of `UpDown` upwards after a wrong answer, in the parameter, at each reversal the next; the last one stays.
+        steps: Vec<f64> = Vec::new();
+        /// The share of right answers at which the level of `UpDown` settles: downwards the step is smaller by (1 - share) / share.
         share: f64 = 0.75, in 0.5..=0.95;
-        /// It ends after so many reversals ...
+        /// `UpDown` ends after so many reversals ...
         reversals: u32 = 8, in 2..=100;
         /// ... or so many trials.
         at_most: u32 = 60, in 1..=1000;
+    }
+}
+
+choices! {
+    /// How the level of a staircase follows from the answers.
+    pub enum Method {
+        /// Weighted up and down (Kaernbach 1991).
+        UpDown,
+        /// The level whose answer is expected to tell most about threshold and slope (QUEST+, Watson 2017).
+        QuestPlus,
     }
 }
 
