@@ -47,6 +47,7 @@ function show(view) {
     const isNew = asked(before) !== asked(view);
     const { texts = {}, turns, input } = view;
     setText(find("stop"), texts.stop ?? "");
+    setText(find("feedback"), view.feedback ?? "");
     setText(find("instruction"), view.state === "consent" ? texts.consent : input?.ask ? (view.text ?? "") : "");
     document.documentElement.lang = texts.language ?? "";
     const { welcome, wait, start, thanks } = texts;

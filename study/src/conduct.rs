@@ -146,6 +146,8 @@ struct Seat {
     laid: [Option<String>; 2],
     /// Why the experimenter has to see to it before the trial goes on.
     held: Option<&'static str>,
+    /// True if the answer to the training trial before was right.
+    feedback: Option<bool>,
 }
 
 enum State {
@@ -325,6 +327,7 @@ impl Conductor {
             state: State::Consent,
             laid: [None, None],
             held: None,
+            feedback: None,
         };
         // Who came before has agreed.
         if known.is_some() {

@@ -86,6 +86,10 @@ settings! {
         start: Option<String> = None;
         /// At the end.
         thanks: Option<String> = None;
+        /// After a right answer in training.
+        right: Option<String> = None;
+        /// After a wrong answer in training.
+        wrong: Option<String> = None;
         /// Beside the force of a mouse or a finger on the page's pad.
         force: Option<String> = None;
         /// Beside the loudness of the masking noise.

@@ -19,7 +19,12 @@ impl Conductor {
         row.status = if current.is_forced { Status::Forced } else { Status::Answered };
         row.exploration_s = to_ms(current.explored_s(now_s));
         row.response_s = to_ms((now_s - opened_s).max(0.0));
-        self.keep(row)
+        let feedback = row.is_right.filter(|_| row.training);
+        let kept = self.keep(row);
+        if let Some(seat) = &mut self.seat {
+            seat.feedback = feedback;
+        }
+        kept
     }
 
     pub(super) fn open_answer(&mut self, now_s: f64) -> Stepped {

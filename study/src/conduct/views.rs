@@ -10,7 +10,10 @@ impl Conductor {
     pub fn participant_view(&self, now_s: f64) -> Value {
         let mut view = self.participant_state(now_s);
         view["type"] = json!("participant");
-        view["texts"] = self.texts();
+        let texts = self.texts();
+        let feedback = self.seat.as_ref().and_then(|seat| seat.feedback);
+        view["feedback"] = feedback.map_or(Value::Null, |right| texts[if right { "right" } else { "wrong" }].clone());
+        view["texts"] = texts;
         view["masking"] = match self.page().map(|page| &page.masking) {
             None | Some(Masking::Silence) => Value::Null,
             Some(noise) => noise.show().to_lowercase().into(),
@@ -37,6 +40,8 @@ impl Conductor {
             "wait": text(|page| &page.wait, "Please wait a moment"),
             "start": text(|page| &page.start, "Hold the tool free of everything, then go on"),
             "thanks": text(|page| &page.thanks, "That was all. Thank you!"),
+            "right": text(|page| &page.right, "That was right."),
+            "wrong": text(|page| &page.wrong, "That was wrong."),
             "force": text(|page| &page.force, "Pressing force"),
             "noise": text(|page| &page.noise, "Noise"),
             "first": text(|page| &page.first, "First"),
