@@ -62,7 +62,7 @@ function show(view) {
         button.dataset.felt = String(Boolean(turns?.felt[place]));
     }
     find("pad").hidden = find("pad-tools").hidden = !view.pad;
-    find("pad").setAttribute("aria-label", view.text || (input?.ask ?? ""));
+    find("pad").setAttribute("aria-label", texts.pad ?? "");
     pad.label(texts.force ?? "");
     if (view.pads) pad.setPads(view.pads);
     find("lamp").hidden = view.lamp === null || view.lamp === undefined;

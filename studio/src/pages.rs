@@ -1,6 +1,7 @@
 //! The pages connected to a stage.
 
 use super::page_clock::PageClock;
+use super::stage::study::OnStage;
 use super::wire::{Message, ScopeRequest};
 
 /// Channel for the messages to a page.
@@ -54,6 +55,8 @@ pub(crate) struct Pages {
     pub owner: Option<u64>,
     /// Number of the page that comes next.
     pub next: u64,
+    /// The study that they conduct, if they do.
+    pub study: Option<OnStage>,
 }
 
 impl Page {

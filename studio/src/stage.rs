@@ -7,7 +7,7 @@ mod pages;
 mod record;
 mod replay;
 mod run_cycle;
-mod study;
+pub(crate) mod study;
 mod swap;
 
 use super::actuators::{Actuator, Sound};
@@ -56,8 +56,6 @@ pub(crate) struct Stage {
     pub signals: Signals,
     pub pages: Pages,
     pub recorder: Recorder,
-    /// The study that its pages conduct, if they do.
-    pub study: Option<study::OnStage>,
 }
 
 /// The signals of the run that pages write, see and hear.
@@ -96,7 +94,6 @@ impl Stage {
             signals: Signals { rate_hz: 1.0, ..Signals::default() },
             pages: Pages::default(),
             recorder: Recorder::default(),
-            study: None,
         };
         stage.start()?;
         Ok(stage)

@@ -103,7 +103,7 @@ fn refused(error: &dyn std::fmt::Display) -> Response {
 }
 
 fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
-    if stage.study.is_some() {
+    if stage.pages.study.is_some() {
         return stage.hear_in_study(page, message);
     }
     let of_page = stage.pages.list.iter().find(|known| known.id == page);
@@ -244,7 +244,7 @@ fn listed(wrong: &Diagnostics) -> Value {
 
 /// Sends the running graph to all pages.
 pub(crate) fn tell_graph(stage: &mut Stage) {
-    if stage.study.is_some() {
+    if stage.pages.study.is_some() {
         return;
     }
     let message = text(&describe::graph(stage));

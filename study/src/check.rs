@@ -1,7 +1,7 @@
 //! Reading and checking of a study: its names first, then its graph with each version.
 
 use crate::data::{DataError, Identity, Row, check_code};
-use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf};
+use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf, TEXTS};
 use crate::order::{ALL_VERSIONS, Stimulus, Trial, distinct, square_rows};
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
@@ -434,6 +434,12 @@ impl Names<'_> {
         self.plain(&study.scales);
         self.plain(&study.groups);
         self.plain(&study.phases);
+        for (name, _) in study.page.iter().flat_map(|page| &page.texts.0) {
+            let known = TEXTS.map(|(known, _)| known);
+            if !known.contains(&&*name.text) {
+                self.list.push(unknown_name(name, "text", &known));
+            }
+        }
         if let Some((name, _)) = study.versions.0.iter().find(|(name, _)| name.text == "real") {
             let wrong = Diagnostic::error("E0211", name.span, "a version cannot be called `real`");
             self.list.push(wrong.label("so are the real surfaces in the data"));
@@ -532,15 +538,16 @@ impl Names<'_> {
         self.rendered(&of.surface);
         let [least, most] = of.limits;
         let is_within = |level: &f64| (least..=most).contains(level);
-        let are_steps = !of.steps.is_empty() && of.steps.iter().all(|step| *step > 0.0);
-        let can_move = match of.method {
-            Method::UpDown => of.start.as_ref().is_some_and(is_within) && are_steps,
+        let can_move = match &of.method {
+            Method::UpDown(of) => {
+                is_within(&of.start) && !of.steps.is_empty() && of.steps.iter().all(|step| *step > 0.0)
+            }
             Method::QuestPlus => least < most,
         };
         if !is_within(&of.standard) || !can_move {
             let message = "the staircase cannot move".to_owned();
             let wrong = Diagnostic::error("E0304", of.parameter.span, message).label("of this parameter");
-            let help = "`standard` and the `start` of `UpDown` lie within `limits`, and each of its `steps` is above zero";
+            let help = "`standard` and `start` lie within `limits`, and each of `steps` is above zero";
             self.list.push(wrong.help(help));
         }
     }

@@ -66,44 +66,40 @@ settings! {
 }
 
 settings! {
-    /// The participant's page: what differs from the English one.
+    /// The participant's page.
     pub struct Page {
         /// The language of the texts, as in `de`, for programs that read them aloud.
-        language: Option<String> = None;
-        /// Above what the participant agrees to.
-        welcome: Option<String> = None;
-        /// What the participant agrees to before anything is stored.
-        consent: Option<String> = None;
-        /// Beside the box that the participant ticks.
-        agree: Option<String> = None;
-        /// On the button that goes on.
-        next: Option<String> = None;
-        /// On the participant's own stop.
-        stop: Option<String> = None;
-        /// While the experimenter prepares a trial.
-        wait: Option<String> = None;
-        /// On the button with which the participant starts a trial of real actuators.
-        start: Option<String> = None;
-        /// At the end.
-        thanks: Option<String> = None;
-        /// After a right answer in training.
-        right: Option<String> = None;
-        /// After a wrong answer in training.
-        wrong: Option<String> = None;
-        /// Beside the force of a mouse or a finger on the page's pad.
-        force: Option<String> = None;
-        /// Beside the loudness of the masking noise.
-        noise: Option<String> = None;
-        /// The first of two stimuli that take turns.
-        first: Option<String> = None;
-        /// The second of two stimuli that take turns.
-        second: Option<String> = None;
+        language: String = "en".to_owned();
+        /// What differs from the English texts, by their names; `TEXTS` has them all.
+        texts: Named<String> = Named::default();
         /// A port of the graph that lights the lamp while it is not zero, such as a warning of too much force.
         lamp: Option<Name> = None;
         /// Noise on headphones while a trial is open.
         masking: Masking = Masking::Silence;
     }
 }
+
+/// The texts of the participant's page.
+pub const TEXTS: [(&str, &str); 15] = [
+    ("welcome", "Welcome"),
+    (
+        "consent",
+        "You are going to feel surfaces and answer questions about them. You can stop at any time, without giving a reason.",
+    ),
+    ("agree", "I agree to take part"),
+    ("next", "Next"),
+    ("stop", "Stop"),
+    ("wait", "Please wait a moment"),
+    ("start", "Hold the tool free of everything, then go on"),
+    ("thanks", "That was all. Thank you!"),
+    ("right", "That was right."),
+    ("wrong", "That was wrong."),
+    ("force", "Pressing force"),
+    ("noise", "Noise"),
+    ("first", "First"),
+    ("second", "Second"),
+    ("pad", "Surface"),
+];
 
 choices! {
     /// Noise on headphones.
@@ -372,19 +368,11 @@ settings! {
         parameter: Name;
         /// Its value in the standard.
         standard: f64;
-        /// How the level follows.
-        method: Method = Method::UpDown;
-        /// The first level of `UpDown`.
-        start: Option<f64> = None;
         /// The smallest and the largest level.
         limits: [f64; 2];
-        /// The step of `UpDown` upwards after a wrong answer, in the parameter, at each reversal the next; the last one stays.
-        steps: Vec<f64> = Vec::new();
-        /// The share of right answers at which the level of `UpDown` settles: downwards the step is smaller by (1 - share) / share.
-        share: f64 = 0.75, in 0.5..=0.95;
-        /// `UpDown` ends after so many reversals ...
-        reversals: u32 = 8, in 2..=100;
-        /// ... or so many trials.
+        /// How the level follows from the answers.
+        method: Method;
+        /// Largest number of trials.
         at_most: u32 = 60, in 1..=1000;
     }
 }
@@ -393,9 +381,23 @@ choices! {
     /// How the level of a staircase follows from the answers.
     pub enum Method {
         /// Weighted up and down (Kaernbach 1991).
-        UpDown,
+        UpDown(UpDown),
         /// The level whose answer is expected to tell most about threshold and slope (QUEST+, Watson 2017).
         QuestPlus,
+    }
+}
+
+settings! {
+    /// A staircase that moves by steps.
+    pub struct UpDown {
+        /// The first level.
+        start: f64;
+        /// The step upwards after a wrong answer, in the parameter, at each reversal the next; the last one stays.
+        steps: Vec<f64>;
+        /// The share of right answers at which the level settles: downwards the step is smaller by (1 - share) / share.
+        share: f64 = 0.75, in 0.5..=0.95;
+        /// It ends after so many reversals.
+        reversals: u32 = 8, in 2..=100;
     }
 }
 

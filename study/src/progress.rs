@@ -1,7 +1,7 @@
 //! What comes next for a participant: a pure function of the study, the plan and what was answered.
 
 use crate::data::{Row, Status};
-use crate::document::{Method, Phase, Staircase, Study};
+use crate::document::{Method, Phase, Staircase, Study, UpDown};
 use crate::order::Trial;
 use crate::statistics::psychometric::Shape;
 
@@ -34,9 +34,9 @@ pub fn next(study: &Study, trials: &[Trial], rows: &[Row]) -> Option<Trial> {
 impl Staircase {
     /// The level after these answers, true for right ones; `None` when the staircase has ended.
     pub fn next_level(&self, answers: &[bool]) -> Option<f64> {
-        match self.method {
+        match &self.method {
             _ if answers.len() >= self.at_most as usize => None,
-            Method::UpDown => self.stepped(answers),
+            Method::UpDown(steps) => self.stepped(steps, answers),
             Method::QuestPlus => Some(self.most_telling(answers)),
         }
     }
@@ -80,25 +80,24 @@ impl Staircase {
 
     /// Weighted up and down (Kaernbach 1991): a right answer brings the level nearer to the standard by
     /// (1 - share) / share of the step by which a wrong one takes it away, so that it settles where right answers have that share.
-    fn stepped(&self, answers: &[bool]) -> Option<f64> {
-        let start = self.start?;
-        let mut level = start;
+    fn stepped(&self, of: &UpDown, answers: &[bool]) -> Option<f64> {
+        let mut level = of.start;
         let (mut reversals, mut last) = (0_usize, None);
         // Away from the standard.
-        let away = if start >= self.standard { 1.0 } else { -1.0 };
+        let away = if of.start >= self.standard { 1.0 } else { -1.0 };
         for &is_right in answers {
             if last.is_some_and(|last| last != is_right) {
                 reversals += 1;
             }
             last = Some(is_right);
-            let step = self.steps.get(reversals).or(self.steps.last()).copied().unwrap_or(0.0);
-            let step = if is_right { -step * (1.0 - self.share) / self.share } else { step };
+            let step = of.steps.get(reversals).or(of.steps.last()).copied().unwrap_or(0.0);
+            let step = if is_right { -step * (1.0 - of.share) / of.share } else { step };
             let moved = level + away * step;
             // The other side of the standard is another question.
             let nearest = if away > 0.0 { moved.max(self.standard) } else { moved.min(self.standard) };
             level = nearest.clamp(self.limits[0], self.limits[1]);
         }
-        (reversals < self.reversals as usize).then_some(level)
+        (reversals < of.reversals as usize).then_some(level)
     }
 }
 
@@ -122,23 +121,27 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
-    #[test]
-    fn a_staircase_settles_where_its_share_of_answers_is_right() {
-        let staircase = Staircase {
+    fn staircase(method: Method, at_most: u32) -> Staircase {
+        Staircase {
             groups: Vec::new(),
             text: String::new(),
             ask: String::new(),
             surface: "a".into(),
             parameter: "gain".into(),
             standard: 1.0,
-            method: Method::UpDown,
-            start: Some(3.0),
             limits: [0.0, 4.0],
-            steps: vec![0.4, 0.2, 0.05],
-            share: 0.75,
-            reversals: 400,
-            at_most: 1000,
-        };
+            method,
+            at_most,
+        }
+    }
+
+    fn up_down(steps: &[f64], reversals: u32) -> Method {
+        Method::UpDown(UpDown { start: 3.0, steps: steps.to_vec(), share: 0.75, reversals })
+    }
+
+    #[test]
+    fn a_staircase_settles_where_its_share_of_answers_is_right() {
+        let staircase = staircase(up_down(&[0.4, 0.2, 0.05], 400), 1000);
         let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
         let (mut answers, mut levels) = (Vec::new(), Vec::new());
         while let Some(level) = staircase.next_level(&answers) {
@@ -155,27 +158,12 @@ mod tests {
 
     #[test]
     fn quest_plus_finds_a_threshold_with_fewer_trials_than_up_and_down() {
-        let staircase = |method: Method| Staircase {
-            groups: Vec::new(),
-            text: String::new(),
-            ask: String::new(),
-            surface: "a".into(),
-            parameter: "gain".into(),
-            standard: 1.0,
-            method,
-            start: Some(3.0),
-            limits: [0.0, 4.0],
-            steps: vec![0.4, 0.2, 0.1],
-            share: 0.75,
-            reversals: 1000,
-            at_most: 40,
-        };
-        // The mean error of the fitted threshold over people whose own is 0.2 to 0.8.
-        let error = |method: fn() -> Method| {
+        // The median error of the fitted threshold over people whose own is 0.2 to 0.8.
+        let error = |method: &dyn Fn() -> Method| {
             let errors = (0..60_u32).filter_map(|person| {
                 let mut random = Xoshiro256PlusPlus::seed_from_u64(u64::from(person));
                 let threshold = 0.2 + 0.01 * f64::from(person);
-                let (staircase, mut answers) = (staircase(method()), Vec::new());
+                let (staircase, mut answers) = (staircase(method(), 40), Vec::new());
                 let mut blocks: Vec<Block> = Vec::new();
                 while let Some(level) = staircase.next_level(&answers) {
                     let distance = level - 1.0;
@@ -193,7 +181,7 @@ mod tests {
             assert!(errors.len() > 50);
             haptograph_signal::statistics::median(&errors)
         };
-        let (quest, stepped) = (error(|| Method::QuestPlus), error(|| Method::UpDown));
+        let (quest, stepped) = (error(&|| Method::QuestPlus), error(&|| up_down(&[0.4, 0.2, 0.1], 1000)));
         assert!(quest < 0.8 * stepped && quest < 0.25, "{quest} {stepped}");
     }
 }

@@ -401,8 +401,8 @@ fn a_staircase_of_simulated_people_gives_their_threshold_back() {
         phases: {
             "fixed": ConstantStimuli(ask: "Which is stronger?", surface: "tile", parameter: "gain", standard: 0.4,
                 levels: [0.42, 0.45, 0.5, 0.6, 0.8], repeats: 40),
-            "stairs": Staircase(ask: "Which is stronger?", surface: "tile", parameter: "gain", standard: 0.4, start: 0.8,
-                limits: (0.4, 1.0), steps: [0.1, 0.05, 0.02], reversals: 40, at_most: 200),
+            "stairs": Staircase(ask: "Which is stronger?", surface: "tile", parameter: "gain", standard: 0.4,
+                limits: (0.4, 1.0), method: UpDown(start: 0.8, steps: [0.1, 0.05, 0.02], reversals: 40), at_most: 200),
         })"#;
     let study = written(folder.path(), text).expect("valid");
     study.check_graph(&registry()).expect("on its graph");

@@ -23,7 +23,7 @@ impl Stage {
         });
         if reach == Reach::Participant {
             self.pages.owner = Some(id);
-        } else if self.study.is_none() {
+        } else if self.pages.study.is_none() {
             self.pages.owner.get_or_insert(id);
         }
         id
@@ -32,7 +32,7 @@ impl Stage {
     /// Removes a page. Its inputs fall silent by their timeout.
     pub(crate) fn leave(&mut self, page: u64) {
         self.pages.list.retain(|known| known.id != page);
-        if self.study.is_some() {
+        if self.pages.study.is_some() {
             // Both pages are needed, and the latest participant's is the one that counts.
             self.disarm();
             self.pages.owner = self.pages.owner.filter(|owner| *owner != page);

@@ -39,12 +39,12 @@ impl OnStage {
 impl Stage {
     /// True if the participant's page may be heard, and hear.
     pub(crate) fn study_renders(&self) -> bool {
-        self.study.as_ref().is_none_or(|study| study.conductor.is_rendering())
+        self.pages.study.as_ref().is_none_or(|study| study.conductor.is_rendering())
     }
 
     /// True unless a study does not let the participant feel anything now.
     pub(crate) fn study_feels(&self) -> bool {
-        self.study.as_ref().is_none_or(|study| study.conductor.is_felt_at(study.now_s()))
+        self.pages.study.as_ref().is_none_or(|study| study.conductor.is_felt_at(study.now_s()))
     }
 
     /// Takes what a page of a study says: its own messages, STOP and what an actuator's safety needs; all else is refused.
@@ -54,7 +54,7 @@ impl Stage {
             (ClientMessage::Stop, _) => {
                 self.halt();
                 let stopped =
-                    self.study.as_mut().map(|study| study.conductor.interrupt("STOP", study.now_s()));
+                    self.pages.study.as_mut().map(|study| study.conductor.interrupt("STOP", study.now_s()));
                 stopped.map_or(Ok(()), |step| self.step(step))
             }
             (ClientMessage::Sound { on }, Some(Reach::Participant)) => {
@@ -82,7 +82,7 @@ impl Stage {
     }
 
     fn say(&mut self, said: Said) -> Result<(), String> {
-        let Some(study) = &mut self.study else { return Ok(()) };
+        let Some(study) = &mut self.pages.study else { return Ok(()) };
         let now_s = study.now_s();
         let step = study.conductor.hear(said, now_s)?;
         self.step(step)?;
@@ -92,7 +92,7 @@ impl Stage {
 
     /// Does what the study asks for.
     fn step(&mut self, step: Step) -> Result<(), String> {
-        let Some(study) = &mut self.study else { return Ok(()) };
+        let Some(study) = &mut self.pages.study else { return Ok(()) };
         match step {
             Step::None => {}
             Step::Silence => {
@@ -109,7 +109,7 @@ impl Stage {
 
     /// What the next run of a study is of, with the folder in which it is kept.
     pub(crate) fn prepare_presentation(&mut self) {
-        let Some(study) = &mut self.study else { return };
+        let Some(study) = &mut self.pages.study else { return };
         if let Some(Presentation { set, seed, folder, name }) = study.presentation.take() {
             (self.source.set, self.source.seed) = (set, Some(seed));
             (self.recorder.out, self.recorder.name) = (Some(folder), Some(name));
@@ -118,7 +118,7 @@ impl Stage {
 
     /// Arms what a run of a study renders.
     pub(crate) fn arm_in_study(&self) {
-        if self.study.as_ref().is_some_and(|study| study.conductor.is_rendering())
+        if self.pages.study.as_ref().is_some_and(|study| study.conductor.is_rendering())
             && !driven(&self.loaded.graph).is_empty()
         {
             self.devices.switch.arm(1.0);
@@ -127,7 +127,7 @@ impl Stage {
 
     /// Says that a run of a study did not start.
     pub(crate) fn fail_in_study(&mut self, why: &str) {
-        if let Some(study) = &mut self.study {
+        if let Some(study) = &mut self.pages.study {
             let now_s = study.now_s();
             study.conductor.fail(why.to_owned(), now_s);
         }
@@ -135,7 +135,7 @@ impl Stage {
 
     /// Lets time pass for a study: its conditions, and what its pages see.
     pub(crate) fn conduct(&mut self) {
-        let Some(study) = &mut self.study else { return };
+        let Some(study) = &mut self.pages.study else { return };
         let now_s = study.now_s();
         for name in study.conductor.ports() {
             let Ok((node, output)) = self.loaded.graph.find_output(&name) else { continue };
@@ -165,7 +165,7 @@ impl Stage {
 
     /// Sends each page what it shows, if that has changed.
     fn tell_study(&mut self) {
-        let Some(study) = &mut self.study else { return };
+        let Some(study) = &mut self.pages.study else { return };
         let now_s = study.now_s();
         let mut views = [study.conductor.participant_view(now_s), study.conductor.experimenter_view(now_s)];
         let is_there = self.pages.list.iter().any(|page| page.reach == Reach::Participant);
@@ -193,7 +193,7 @@ impl Stage {
 
     /// The first message about a study to a page that comes.
     pub(crate) fn study_greeting(&mut self, reach: Reach) -> Option<Value> {
-        let study = self.study.as_mut()?;
+        let study = self.pages.study.as_mut()?;
         // Whoever comes is told all.
         study.told[usize::from(reach != Reach::Participant)] = Value::Null;
         let role = if reach == Reach::Participant { "participant" } else { "experimenter" };
@@ -203,7 +203,7 @@ impl Stage {
     /// Puts a study on the stage; nothing runs before its first trial.
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn begin_study(&mut self, conductor: Conductor) -> Result<(), super::StageError> {
-        self.study = Some(OnStage::new(conductor));
+        self.pages.study = Some(OnStage::new(conductor));
         self.halt();
         match self.cycle.state {
             State::Failed => Err(other("the graph failed")),

@@ -1,9 +1,9 @@
 //! What each page shows. The participant's never has a name, order, file or setting of a surface or version.
 
 use super::{Conductor, Current, Seat, State};
-use crate::document::{Masking, Page, Phase, Question};
+use crate::document::{Masking, Page, Phase, Question, TEXTS};
 use haptograph_engine::settings::Setting;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 impl Conductor {
     /// What the participant's page shows at a time of the session, s.
@@ -26,27 +26,15 @@ impl Conductor {
     }
 
     fn texts(&self) -> Value {
-        let page = self.page();
-        let text = |of: fn(&Page) -> &Option<String>, otherwise: &str| {
-            page.and_then(|page| of(page).clone()).unwrap_or_else(|| otherwise.to_owned())
+        let own = self.page().map(|page| &page.texts);
+        let text = |(name, english): (&str, &str)| {
+            let own = own.and_then(|own| own.0.iter().find(|(known, _)| known.text == name));
+            (name.to_owned(), json!(own.map_or(english, |(_, text)| text)))
         };
-        json!({
-            "language": text(|page| &page.language, "en"),
-            "welcome": text(|page| &page.welcome, "Welcome"),
-            "consent": text(|page| &page.consent, "You are going to feel surfaces and answer questions about them. You can stop at any time, without giving a reason."),
-            "agree": text(|page| &page.agree, "I agree to take part"),
-            "next": text(|page| &page.next, "Next"),
-            "stop": text(|page| &page.stop, "Stop"),
-            "wait": text(|page| &page.wait, "Please wait a moment"),
-            "start": text(|page| &page.start, "Hold the tool free of everything, then go on"),
-            "thanks": text(|page| &page.thanks, "That was all. Thank you!"),
-            "right": text(|page| &page.right, "That was right."),
-            "wrong": text(|page| &page.wrong, "That was wrong."),
-            "force": text(|page| &page.force, "Pressing force"),
-            "noise": text(|page| &page.noise, "Noise"),
-            "first": text(|page| &page.first, "First"),
-            "second": text(|page| &page.second, "Second"),
-        })
+        let mut texts: Map<String, Value> = TEXTS.into_iter().map(text).collect();
+        let language = self.page().map_or("en", |page| &page.language);
+        texts.insert("language".to_owned(), language.into());
+        Value::Object(texts)
     }
 
     fn participant_state(&self, now_s: f64) -> Value {
@@ -125,7 +113,7 @@ impl Conductor {
             "type": "experimenter", "about": study.about, "file": self.checked.path.display().to_string(),
             "folder": self.folder.path().display().to_string(),
             "groups": groups.collect::<Vec<_>>(), "participants": participants.collect::<Vec<_>>(),
-            "has_consent_text": self.page().is_some_and(|page| page.consent.is_some()),
+            "has_consent_text": self.page().is_some_and(|page| page.texts.find("consent").is_some()),
             "driven": self.driven, "to_confirm": self.needs_confirmation(), "trouble": self.trouble,
             "session": self.seat.as_ref().map(|seat| self.session_view(seat, now_s)),
         })
