@@ -130,7 +130,8 @@ export class Connection extends Emitter {
             this.#waiting.get(message.request)?.(message);
             this.#waiting.delete(message.request);
         }
-        if (message.type === "status" && message.state !== "running") this.#stop = null;
+        const isOver = { status: message.state !== "running", participant: message.state !== "trial" }[message.type];
+        if (isOver) this.#stop = null;
         this.emit(message.type, message);
     }
 

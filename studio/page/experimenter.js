@@ -28,23 +28,25 @@ function task({ session, to_confirm, participant_is_there, pressed_n }) {
     if (!session) return ["Who takes part?"];
     const { state, held, laid, is_pair } = session;
     if (state === "consent") return ["The participant reads the consent. Nothing is kept before they agree."];
-    if (state === "done") return ["All trials are done.", "End the session", { say: "leave" }];
+    if (state === "done") return ["All trials are done.", "Next participant", { say: "leave" }];
     if (to_confirm)
         return ["Look at the actuators. Are these their limits, and does the power switch work?", "They are, and it does", { say: "confirm" }];
     if (state === "preparing") {
         const why = held && held !== "lay out" ? `${held[0].toUpperCase()}${held.slice(1)}.\n` : "";
-        return [why + toLay(laid, is_pair), "Ready", { say: "ready" }];
+        const goesOn = /^(STOP|paused|the actuators|the run)/.test(held ?? "");
+        return [why + toLay(laid, is_pair, held), goesOn ? "Go on with the trial" : "Ready", { say: "ready" }];
     }
     if (state === "prepared") return ["The participant takes the tool free and starts the trial."];
     if (session.trial.kind === "recordings") return ["The take is being recorded."];
     return [pressed_n > 0 ? `The participant presses with ${pressed_n.toFixed(1)} N.` : "The participant feels and answers."];
 }
 
-function toLay([left, right], isPair) {
+function toLay([left, right], isPair, held) {
+    if (held === "lay out" && !left && !right) return "Take away what lies there: nothing real is felt in this trial.";
     const parts = [];
     if (left) parts.push(isPair && right !== null ? `left ${left}` : isPair ? `left ${left}, nothing on the right` : left);
     if (right) parts.push(left || !isPair ? `right ${right}` : `right ${right}, nothing on the left`);
-    return parts.length ? `Lay out: ${parts.join(", ")}` : "Lay nothing out: the trial is rendered.";
+    return parts.length ? `Lay out: ${parts.join(", ")}` : "Nothing is to be laid out.";
 }
 
 function show() {
@@ -68,7 +70,7 @@ function show() {
     find("pause").disabled = session?.state !== "felt" && session?.state !== "prepared";
     find("repeat").disabled = !view.participants.some(({ code, done }) => code === session?.code && done > 0);
     const scale = [trial?.training && "training", trial?.scale, trial?.forced && "opened", trial?.open && "may answer"];
-    const felt = trial?.felt_s > 0 && `felt for ${trial.felt_s} s`;
+    const felt = trial?.felt_s > 0 && `for ${trial.felt_s} s`;
     const where = trial && [`trial ${trial.trial} of ${session.of}`, trial.phase, trial.kind, ...scale, felt];
     setText(find("where"), session ? [session.code, `group ${session.group}`, ...(where ?? [])].filter(Boolean).join(" · ") : "");
     showConditions(session?.state === "felt" ? trial.conditions : []);
@@ -104,8 +106,8 @@ function showConditions(conditions) {
 function showPeople() {
     const { groups, participants } = view;
     setText(find("groups"), groups.map(({ name, wanted, there }) => `${name}: ${there}${wanted ? ` of ${wanted}` : ""}`).join(", "));
-    const rows = participants.map(({ code, group, done, withdrawn }) =>
-        make("tr", {}, ...[code, group, String(done), withdrawn ? "withdrawn" : ""].map((text) => make("td", { text }))),
+    const rows = participants.map(({ code, group, done, finished, withdrawn }) =>
+        make("tr", {}, ...[code, group, String(done), withdrawn ? "withdrawn" : finished ? "finished" : ""].map((text) => make("td", { text }))),
     );
     find("people").tBodies[0].replaceChildren(...rows);
     setText(find("folder"), view.folder);
@@ -130,8 +132,20 @@ function showKnown() {
     const known = view?.participants.find((known) => known.code === code);
     if (known) find("group").value = known.group || find("group").value;
     find("group").disabled = Boolean(known);
-    const says = known?.withdrawn ? "has withdrawn" : known ? `continues after ${known.done} trials` : code ? "a new participant" : "";
-    setText(find("known"), says);
+    const alike = view?.participants.find((other) => other.code.toLowerCase() === code.toLowerCase());
+    const isCode = /^[A-Za-z0-9_-]*$/.test(code);
+    const says = known?.withdrawn
+        ? "has withdrawn"
+        : known?.finished
+          ? "has finished"
+          : known
+            ? `continues after ${known.done} trials`
+            : !isCode
+              ? "letters, digits, - and _ only"
+              : alike
+                ? `a new participant; ${alike.code} is another`
+                : code && "a new participant";
+    setText(find("known"), says || "");
 }
 
 // What cannot be taken back is pressed twice.
@@ -177,6 +191,7 @@ twice(find("withdraw"), { say: "withdraw" });
 const stop = () => connection.send({ type: "stop" });
 find("stop").addEventListener("click", stop);
 window.addEventListener("keydown", (event) => {
+    if (event.repeat) return;
     if (event.key === "Escape") return stop();
     if (event.key === "Enter" && !takesText(event.target) && event.target.tagName !== "BUTTON") find("main").onclick?.();
 });

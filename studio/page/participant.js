@@ -34,8 +34,11 @@ const pad = mountStudyPad(connection, () => participant.runs);
 
 connection.on("hello", (hello) => (participant.hello = hello));
 connection.on("participant", (view) => show(view));
-connection.on("refused", ({ error }) => setText(find("problem"), error));
+connection.on("refused", () => setText(find("problem"), participant.view?.texts?.problem ?? ""));
 connection.on("lost", () => show({ ...participant.view, state: "wait" }));
+
+const LEAST_MS = 400; // a second press of a button is no answer to what comes next
+let asked_ms = -Infinity;
 
 // What makes an answer anew, and not only its surroundings.
 const asked = (view) => JSON.stringify([view?.state, view?.trial, view?.input]);
@@ -47,13 +50,14 @@ function show(view) {
     const isNew = asked(before) !== asked(view);
     const { texts = {}, turns, input } = view;
     setText(find("stop"), texts.stop ?? "");
-    setText(find("feedback"), view.feedback ?? "");
-    setText(find("instruction"), view.state === "consent" ? texts.consent : input?.ask ? (view.text ?? "") : "");
+    setText(find("feedback"), view.feedback ?? (view.training ? texts.training : ""));
+    setText(find("feel"), texts.feel ?? "");
+    setText(find("instruction"), view.state === "consent" ? texts.consent : input?.ask ? view.text || (turns ? texts.compare : "") : "");
     document.documentElement.lang = texts.language ?? "";
-    const { welcome, wait, start, thanks } = texts;
-    const says = { consent: welcome, trial: input?.ask || view.text, start, done: thanks };
+    const { welcome, wait, start, stopped, thanks } = texts;
+    const says = { consent: welcome, trial: input?.ask || view.text, start, stopped, done: thanks };
     setText(find("ask"), says[view.state] ?? wait ?? "");
-    find("progress").value = view.of ? (view.trial - 1) / view.of : find("progress").value;
+    find("progress").value = view.state === "done" ? 1 : view.of ? (view.trial - 1) / view.of : find("progress").value;
     find("turns").hidden = !turns;
     for (const place of [0, 1]) {
         const button = find(`turn-${place}`);
@@ -102,6 +106,8 @@ function showConditions(conditions) {
 // Lays out what is asked for.
 function ask({ state, texts = {}, input }) {
     participant.answer = {};
+    asked_ms = performance.now();
+    setTimeout(enable, LEAST_MS);
     setText(find("problem"), "");
     const kinds = { line, which, choice, number, words };
     const made = state === "consent" ? [agreement(texts)] : state === "trial" ? (kinds[input?.kind]?.(input, texts) ?? []) : [];
@@ -157,7 +163,7 @@ function line({ ask, from, to }) {
     return [bar, make("div", { class: "ends" }, make("span", { text: from }), make("span", { text: to }))];
 }
 
-function buttons(names) {
+function buttons(names, label = null) {
     const made = names.map((text, choice) =>
         make("button", {
             text,
@@ -169,10 +175,10 @@ function buttons(names) {
             },
         }),
     );
-    return [make("div", { class: "choices", role: "group" }, ...made)];
+    return [make("div", { class: "choices", role: "group" }, label && make("span", { class: "soft", text: label }), ...made)];
 }
 
-const which = (_, texts) => buttons([texts.first, texts.second]);
+const which = (_, texts) => buttons([texts.first, texts.second], texts.answer);
 const choice = ({ of }) => buttons(of);
 
 function number({ ask, from, to }) {
@@ -211,7 +217,7 @@ function isComplete({ state, input, turns }) {
 function enable() {
     const { view } = participant;
     if (!view) return;
-    find("next").disabled = !connection.open || !isComplete(view);
+    find("next").disabled = !connection.open || !isComplete(view) || performance.now() - asked_ms < LEAST_MS;
     for (const bar of find("answer").querySelectorAll(".line")) bar.setAttribute("aria-disabled", String(!mayAnswer()));
     for (const button of find("answer").querySelectorAll("button")) button.disabled = !mayAnswer();
 }
@@ -221,7 +227,7 @@ function next() {
     if (find("next").hidden || find("next").disabled) return;
     find("next").disabled = true; // a second press is of the next trial
     if (view.state === "consent") return participant.say({ say: "agree" });
-    if (view.state === "start") return participant.say({ say: "start" });
+    if (view.state === "start") return participant.say({ say: "start", trial: view.trial });
     const { rating = null, choice = null, text = null } = answer;
     participant.say({ say: "answer", trial: view.trial, rating, choice, text });
 }
@@ -244,7 +250,7 @@ find("noise").addEventListener("input", ({ target }) => masking.set(Number(targe
 for (const place of [0, 1]) find(`turn-${place}`).addEventListener("click", () => participant.say({ say: "feel", place }));
 for (const type of ["pointerup", "keydown"]) window.addEventListener(type, beginSound);
 window.addEventListener("keydown", (event) => {
-    if (event.key === "Escape") return stop();
+    if (event.key === "Escape") return event.repeat || stop();
     if (takesText(event.target) || event.repeat) return;
     if (event.key === "Enter" && event.target.tagName !== "BUTTON") next();
     if (participant.view?.turns && ["1", "2"].includes(event.key)) participant.say({ say: "feel", place: Number(event.key) - 1 });

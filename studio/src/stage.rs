@@ -163,8 +163,11 @@ impl Stage {
             self.end();
         }
         if self.recorder.recording.as_ref().is_some_and(Recording::is_full) {
-            // A run that is stopping ends it too.
-            let _ = self.record(false);
+            match self.pages.study.is_some() {
+                true => self.interrupt_study("the recording is full"),
+                // A run that is stopping ends it too.
+                false => drop(self.record(false)),
+            }
         }
     }
 

@@ -409,17 +409,52 @@ fn a_study_arms_its_coil_in_trials_alone_once_the_limits_are_confirmed_and_the_p
         }
         panic!("it never was");
     };
-    say(&mut participant, "start");
+    participant.say(&json!({ "type": "study", "say": "start", "trial": 1 }));
     hold_until(&mut experimenter, &|current| current > 0.45);
     // Nobody holds it: it falls to zero, and the trial waits.
     experimenter.wait(|said| said["session"]["held"] == "the actuators were disarmed");
     rests(&coil);
+    std::thread::sleep(Duration::from_millis(1000));
     say(&mut experimenter, "ready");
     participant.wait(|said| said["state"] == "start");
-    say(&mut participant, "start");
-    hold_until(&mut experimenter, &|current| current > 0.45);
+    participant.say(&json!({ "type": "study", "say": "start", "trial": 1 }));
+    // Risen, and so felt.
+    hold_until(&mut experimenter, &|current| current > 0.4999);
+    experimenter.say(&json!({ "type": "hold" }));
+    std::thread::sleep(Duration::from_millis(100));
     // An answer ends the trial, and with it the current.
     participant.say(&json!({ "type": "study", "say": "answer", "trial": 1 }));
     experimenter.wait(|said| said["session"]["state"] == "done");
+    rests(&coil);
+    // The next session confirms anew, and without the experimenter's page nothing is armed, whatever the participant wants.
+    say(&mut experimenter, "leave");
+    experimenter.say(&json!({ "type": "study", "say": "begin", "code": "P2", "group": "all" }));
+    participant.wait(|said| said["state"] == "consent");
+    say(&mut participant, "agree");
+    experimenter.wait(|said| said["to_confirm"] == true && said["session"]["code"] == "P2");
+    say(&mut experimenter, "confirm");
+    say(&mut experimenter, "ready");
+    participant.wait(|said| said["state"] == "start");
+    drop(experimenter);
+    let mut experimenter = Page::let_in(studio.address(), studio.token());
+    experimenter.wait(|said| said["session"]["held"] == "a page left");
+    say(&mut experimenter, "ready");
+    std::thread::sleep(Duration::from_millis(1000));
+    say(&mut experimenter, "ready");
+    participant.wait(|said| said["state"] == "start");
+    // Nobody holds it.
+    participant.say(&json!({ "type": "study", "say": "start", "trial": 1 }));
+    experimenter.wait(|said| said["session"]["held"] == "a page is not there");
+    rests(&coil);
+    // A withdrawal that fails stops the trial all the same.
+    std::thread::sleep(Duration::from_millis(1000));
+    say(&mut experimenter, "ready");
+    participant.wait(|said| said["state"] == "start");
+    participant.say(&json!({ "type": "study", "say": "start", "trial": 1 }));
+    hold_until(&mut experimenter, &|current| current > 0.2);
+    std::fs::write(folder.path().join("data/notes.csv"), "no,table\n1\n").expect("written");
+    say(&mut experimenter, "withdraw");
+    experimenter.wait(|said| said["type"] == "refused");
+    std::thread::sleep(Duration::from_millis(200));
     rests(&coil);
 }

@@ -125,8 +125,21 @@ impl Session {
         panic!("no trial came")
     }
 
-    fn answer(&mut self, view: &Value, answer: Value) {
-        let mut answer = answer;
+    /// Feels what there is, and answers.
+    fn answer(&mut self, view: &Value, mut answer: Value) {
+        if view["pad"] == true {
+            self.stroke();
+        }
+        if view["turns"].is_object() {
+            assert_eq!(view["open"], false, "only one of two was felt");
+            say(&mut self.participant, json!({ "say": "feel", "place": 1 }));
+            self.participant.wait(|said| said["turns"]["now"] == 1 && said["begins"] == false);
+            self.stroke();
+        }
+        if view["open"] == false {
+            let trial = view["trial"].clone();
+            self.participant.wait(|said| said["trial"] == trial && said["open"] == true);
+        }
         (answer["say"], answer["trial"]) = ("answer".into(), view["trial"].clone());
         say(&mut self.participant, answer);
     }
@@ -153,15 +166,7 @@ fn a_session_keeps_each_answer_and_its_runs_and_no_name_reaches_the_participant(
         if view["state"] == "done" {
             break;
         }
-        if view["pad"] == true {
-            session.stroke();
-            strokes += 1;
-        }
-        if view["turns"].is_object() {
-            assert_eq!(view["open"], false, "only one of two was felt");
-            say(&mut session.participant, json!({ "say": "feel", "place": 1 }));
-            session.participant.wait(|said| said["turns"]["felt"] == json!([true, true]));
-        }
+        strokes += u32::from(view["pad"] == true);
         match view["input"]["kind"].as_str() {
             Some("line") => session.answer(&view, json!({ "rating": 0.25 })),
             _ => session.answer(&view, json!({ "choice": 1 })),
@@ -244,8 +249,11 @@ fn a_stop_of_the_participant_ends_the_run_and_the_trial_goes_on_afterwards() {
     }
     session.participant.say(&json!({ "type": "stop" }));
     session.participant.wait(|said| said["state"] == "stopped");
-    let held = session.experimenter.wait(|said| said["session"]["held"] == "STOP");
+    let held = session.experimenter.wait(|said| said["session"]["held"] == "STOP of the participant");
     assert_eq!(held["session"]["state"], "preparing");
+    // A press that came with the STOP does not undo it.
+    say(&mut session.experimenter, json!({ "say": "ready" }));
+    std::thread::sleep(Duration::from_millis(1100));
     say(&mut session.experimenter, json!({ "say": "ready" }));
     let again = session.trial();
     assert_eq!(again["trial"], view["trial"]);
@@ -319,7 +327,6 @@ fn the_run_of_a_trial_is_replayed_with_the_same_samples() {
         session.answer(&view, json!({ "rating": 0.5 }));
         view = session.trial();
     }
-    session.stroke();
     session.answer(&view, json!({ "rating": 0.5 }));
     session.trial();
     let run = session.data.join(format!("signals/P07/{:03}-1-1", view["trial"].as_u64().expect("a number")));

@@ -222,6 +222,7 @@ impl Checked {
     /// # Errors
     /// With the first findings.
     pub fn check_graph(&self, registry: &Registry) -> Result<(), StudyError> {
+        let mut limits = Vec::new();
         let surfaces = self.study.surfaces.0.iter().enumerate();
         let rendered: Vec<usize> =
             surfaces.filter(|(_, (_, of))| of.file.is_some()).map(|(at, _)| at).collect();
@@ -233,7 +234,7 @@ impl Checked {
                 for level in phase.extreme_levels() {
                     let graph = self.graph(registry, phase, (stimulus, level), 0)?;
                     self.check_ports(&graph, phase)?;
-                    self.check_limits(&graph)?;
+                    self.check_limits(&graph, &mut limits)?;
                 }
             }
             // Every surface once.
@@ -275,15 +276,27 @@ impl Checked {
         }
     }
 
-    /// People are at the other end: nothing above what the thesis gave them without the experimenter's word.
-    fn check_limits(&self, graph: &Graph) -> Result<(), StudyError> {
+    /// People are at the other end: nothing above what the thesis gave them without the experimenter's word, and no version with other
+    /// limits than the experimenter confirms.
+    fn check_limits(&self, graph: &Graph, known: &mut Vec<(String, f64)>) -> Result<(), StudyError> {
         for (node, _, limit) in graph.actuators() {
             let quantity = node.outputs.first().map(|output| output.quantity);
+            let unit = quantity.map_or_else(String::new, Quantity::unit);
+            let (actuator, peak) = (node.path.clone(), limit.peak);
+            match known.iter().find(|(path, _)| *path == actuator) {
+                Some((_, before)) if *before != peak => {
+                    let other = format!(
+                        "actuator `{actuator}` may give {before} {unit} in some trials and {peak} {unit} in others; a limit stays the same in a study"
+                    );
+                    return Err(StudyError::Run(other));
+                }
+                Some(_) => {}
+                None => known.push((actuator.clone(), peak)),
+            }
             let usual = PEAKS.iter().find(|(known, _)| Some(*known) == quantity);
-            if let Some((of, usual)) = usual.filter(|(_, usual)| limit.peak > *usual)
+            if let Some((_, usual)) = usual.filter(|(_, usual)| peak > *usual)
                 && self.study.stronger_because.is_none()
             {
-                let (actuator, peak, unit) = (node.path.clone(), limit.peak, of.unit());
                 return Err(StudyError::TooStrong { actuator, peak, usual: *usual, unit });
             }
         }

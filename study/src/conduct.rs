@@ -12,6 +12,7 @@ use crate::progress::next;
 use crate::tally::Tally;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
+use haptograph_engine::run::ARM_RISE_S;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -22,7 +23,10 @@ pub enum Said {
     /// The participant agrees to take part.
     Agree,
     /// The participant is ready for the actuators.
-    Start,
+    Start {
+        /// Number of the trial that was seen.
+        trial: u32,
+    },
     /// The participant wants to feel the earlier or left (0) or the other (1) of two stimuli.
     Feel {
         /// 0 or 1.
@@ -63,7 +67,7 @@ pub enum Said {
 impl Said {
     /// True for what the participant's page says.
     pub fn is_participants(&self) -> bool {
-        matches!(self, Self::Agree | Self::Start | Self::Feel { .. } | Self::Answer(_))
+        matches!(self, Self::Agree | Self::Start { .. } | Self::Feel { .. } | Self::Answer(_))
     }
 }
 
@@ -88,8 +92,10 @@ pub enum Step {
     None,
     /// Take the actuators to zero and end the run.
     Silence,
-    /// The same, then run this.
+    /// The same, then run this; [`Conductor::began`] is told when it runs.
     Present(Presentation),
+    /// Arm the actuators, if both pages are there.
+    Arm,
 }
 
 /// A run in which something is felt.
@@ -129,6 +135,8 @@ struct Known {
     group: String,
     /// Number of trials with an attempt.
     done: usize,
+    /// True if no trial is left.
+    has_finished: bool,
     has_withdrawn: bool,
 }
 
@@ -144,8 +152,8 @@ struct Seat {
     state: State,
     /// Real samples that lie there, left or earlier first.
     laid: [Option<String>; 2],
-    /// Why the experimenter has to see to it before the trial goes on.
-    held: Option<&'static str>,
+    /// Why the experimenter has to see to it before the trial goes on, and since when, s.
+    held: Option<(&'static str, f64)>,
     /// True if the answer to the training trial before was right.
     feedback: Option<bool>,
 }
@@ -160,6 +168,19 @@ enum State {
     Done,
 }
 
+/// The run in which a stimulus is felt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Run {
+    /// None: what is felt is real, or a question.
+    None,
+    /// Asked for at this time, s.
+    Asked(f64),
+    /// It runs. Real actuators are armed at this time, s.
+    Begun(f64),
+    /// They are armed.
+    Armed,
+}
+
 /// A trial in progress.
 struct Current {
     trial: Trial,
@@ -170,9 +191,9 @@ struct Current {
     felt: [bool; 2],
     /// The place that is felt now.
     place: usize,
-    /// True while actuators and sound render it.
-    is_rendered: bool,
-    /// Since when, s; in the future while the run begins, `None` while nothing is felt.
+    /// The run in which it is felt.
+    run: Run,
+    /// Since when, s; in the future while the actuators rise, `None` while nothing is felt.
     since_s: Option<f64>,
     exploration_s: f64,
     /// When the answer opened, s.
@@ -206,6 +227,10 @@ impl Current {
 
 /// Shortest time from the wish to feel a stimulus until it begins, s, whatever is loaded meanwhile.
 pub const PAUSE_S: f64 = 0.6;
+/// Time after an interruption in which nobody goes on, s.
+const GUARD_S: f64 = 1.0;
+/// Why a trial waits for a real sample.
+const LAY_OUT: &str = "lay out";
 /// Longest note and answer in words, bytes.
 const LONGEST: usize = 10_000;
 
@@ -266,13 +291,24 @@ impl Conductor {
 
     fn look_at_people(&mut self) -> Result<(), StudyError> {
         let rows = self.folder.rows()?;
+        let study = &self.checked.study;
         let known = self.folder.participants()?.into_iter().map(|known| {
-            let mut numbers: Vec<u32> =
-                rows.iter().filter(|row| row.participant == known.participant).map(|row| row.trial).collect();
+            let own = rows.iter().filter(|row| row.participant == known.participant).cloned();
+            let own: Vec<Row> = own.collect();
+            let group = (0..study.group_count()).find(|group| study.group_name(*group) == known.group);
+            let trials = study.trials(&known.participant, group.unwrap_or(0));
+            let has_finished = next(study, &trials, &own).is_none();
+            let mut numbers: Vec<u32> = own.iter().map(|row| row.trial).collect();
             numbers.sort_unstable();
             numbers.dedup();
             let has_withdrawn = !known.withdrawn_utc.is_empty();
-            Known { code: known.participant, group: known.group, done: numbers.len(), has_withdrawn }
+            Known {
+                code: known.participant,
+                group: known.group,
+                done: numbers.len(),
+                has_finished,
+                has_withdrawn,
+            }
         });
         self.known = known.collect();
         Ok(())
@@ -290,8 +326,8 @@ impl Conductor {
                 self.is_confirmed = true;
                 Ok(Step::None)
             }
-            Said::Ready => self.ready(),
-            Said::Start => self.start(now_s),
+            Said::Ready => self.ready(now_s),
+            Said::Start { trial } => self.start(trial, now_s),
             Said::Feel { place } => self.feel(place, now_s),
             Said::Answer(answer) => self.answer(&answer, now_s),
             Said::Open => self.open_answer(now_s),
@@ -300,7 +336,7 @@ impl Conductor {
             Said::Pause => Ok(self.interrupt("paused", now_s)),
             Said::Note { text } => self.note(&text).map(|()| Step::None),
             Said::Leave => self.leave(),
-            Said::Withdraw => self.withdraw(),
+            Said::Withdraw => self.withdraw(now_s),
         };
         if heard.is_ok() {
             self.trouble = None;
@@ -312,6 +348,7 @@ impl Conductor {
         if self.seat.is_some() {
             return Err("a participant is there; end that session first".to_owned());
         }
+        self.is_confirmed = false;
         self.checked.check_code(code).map_err(|error| error.to_string())?;
         let study = &self.checked.study;
         let group = (0..study.group_count())
@@ -384,7 +421,7 @@ impl Conductor {
             tallies,
             felt: [false; 2],
             place,
-            is_rendered: false,
+            run: Run::None,
             since_s: None,
             exploration_s: 0.0,
             opened_s: None,
@@ -394,9 +431,10 @@ impl Conductor {
             let of = of.filter(|of| of.version.is_none())?;
             study.surfaces.0[of.surface].1.sample.clone()
         });
-        let is_to_lay = laid.iter().any(Option::is_some) && laid != seat.laid;
+        // What lies there from the trial before is taken away, too.
+        let is_to_lay = laid != seat.laid;
         seat.laid = laid;
-        seat.held = held.or(is_to_lay.then_some("lay out"));
+        seat.held = held.or(is_to_lay.then_some(LAY_OUT)).map(|why| (why, f64::NEG_INFINITY));
         seat.state = State::Preparing(current);
         if seat.held.is_some() || (self.needs_confirmation()) { Ok(Step::Silence) } else { self.prepared() }
     }
@@ -406,7 +444,12 @@ impl Conductor {
     }
 
     /// The experimenter is ready: the trial begins, with real actuators when the participant starts it.
-    fn ready(&mut self) -> Stepped {
+    fn ready(&mut self, now_s: f64) -> Stepped {
+        // A press that was meant for another button does not undo a STOP.
+        if self.seat.as_ref().and_then(|seat| seat.held).is_some_and(|(_, since_s)| now_s < since_s + GUARD_S)
+        {
+            return Ok(Step::None);
+        }
         if self.needs_confirmation() {
             return Err("confirm the limits of the actuators first".to_owned());
         }
@@ -432,8 +475,11 @@ impl Conductor {
         !self.driven.is_empty() && current.renders(&self.checked.study)
     }
 
-    fn start(&mut self, now_s: f64) -> Stepped {
-        let is_prepared = self.seat.as_ref().is_some_and(|seat| matches!(seat.state, State::Prepared(_)));
+    fn start(&mut self, trial: u32, now_s: f64) -> Stepped {
+        let is_prepared = matches!(
+            &self.seat,
+            Some(Seat { state: State::Prepared(current), .. }) if current.trial.number == trial
+        );
         if is_prepared { self.present(None, now_s) } else { Ok(Step::None) }
     }
 
@@ -459,7 +505,7 @@ impl Conductor {
         current.pass(now_s);
         current.place = place.unwrap_or(current.place);
         let study = &self.checked.study;
-        current.is_rendered = current.renders(study);
+        self.lamp = false;
         let phase = &study.phases.0[current.trial.phase].1;
         if matches!(phase, Phase::Questions(_)) {
             current.since_s = Some(now_s);
@@ -485,10 +531,25 @@ impl Conductor {
         if let Some(tally) = &mut current.tallies[current.place] {
             tally.begin_run();
         }
-        current.since_s = Some(now_s + PAUSE_S);
-        let runs = current.is_rendered || self.has_sensors || matches!(phase, Phase::Record(_));
+        let runs = current.renders(study) || self.has_sensors || matches!(phase, Phase::Record(_));
+        current.run = if runs { Run::Asked(now_s) } else { Run::None };
+        current.since_s = (!runs).then_some(now_s + PAUSE_S);
         seat.state = State::Felt(current);
         Ok(if runs { Step::Present(presentation) } else { Step::Silence })
+    }
+
+    /// The run that was asked for has begun: it is felt from a time on that does not tell how long it took to load. Real actuators are armed
+    /// first, and felt when they have risen.
+    pub fn began(&mut self, now_s: f64) {
+        let study = &self.checked.study;
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && let Run::Asked(asked_s) = current.run
+        {
+            let from_s = now_s.max(asked_s + PAUSE_S);
+            let arms = !self.driven.is_empty() && current.renders(study);
+            current.run = if arms { Run::Begun(from_s) } else { Run::Armed };
+            current.since_s = Some(if arms { from_s + ARM_RISE_S } else { from_s });
+        }
     }
 
     /// Ports of the graph whose frames the current trial needs, and the lamp's.
@@ -517,11 +578,11 @@ impl Conductor {
     }
 
     /// Lets time pass, s: a prepared trial begins, an answer opens once its conditions are reached, and a recording ends; it is kept
-    /// when its run is over.
+    /// when its run is over. A stimulus counts as felt once it was touched.
     ///
     /// # Errors
     /// If the next trial cannot begin.
-    pub fn tick(&mut self, now_s: f64, is_running: bool) -> Stepped {
+    pub fn tick(&mut self, now_s: f64, (is_running, is_touched): (bool, bool)) -> Stepped {
         let begins = match self.seat.as_ref().map(|seat| &seat.state) {
             Some(State::Prepared(current)) => !self.awaits_start(current),
             _ => false,
@@ -530,14 +591,21 @@ impl Conductor {
             return self.present(None, now_s);
         }
         if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && matches!(current.run, Run::Begun(from_s) if now_s >= from_s)
+        {
+            current.run = Run::Armed;
+            return Ok(Step::Arm);
+        }
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
             && current.has_begun(now_s)
         {
-            current.felt[current.place] = true;
+            current.felt[current.place] |= is_touched;
             let seconds = match &self.checked.study.phases.0[current.trial.phase].1 {
                 Phase::Record(record) => Some(record.seconds),
                 _ => None,
             };
-            let is_reached = seconds.map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
+            let is_reached = current.is_forced
+                || seconds.map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
             if current.opened_s.is_none() && is_reached {
                 current.opened_s = Some(now_s);
                 return Ok(if seconds.is_some() { Step::Silence } else { Step::None });
@@ -549,9 +617,18 @@ impl Conductor {
         Ok(Step::None)
     }
 
-    /// True if actuators and sound render now.
+    /// True if a run belongs to the trial, or was asked for.
+    pub fn has_run(&self) -> bool {
+        matches!(&self.seat, Some(Seat { state: State::Felt(current), .. }) if current.run != Run::None)
+    }
+
+    /// True if the run of the trial goes on, with armed actuators where there are any.
     pub fn is_rendering(&self) -> bool {
-        matches!(&self.seat, Some(Seat { state: State::Felt(current), .. }) if current.is_rendered)
+        let study = &self.checked.study;
+        matches!(
+            &self.seat,
+            Some(Seat { state: State::Felt(current), .. }) if current.run == Run::Armed && current.renders(study)
+        )
     }
 
     /// True if the participant's pad is heard now.
@@ -563,18 +640,28 @@ impl Conductor {
     pub fn interrupt(&mut self, why: &'static str, now_s: f64) -> Step {
         let Some(seat) = &mut self.seat else { return Step::Silence };
         seat.state = match std::mem::replace(&mut seat.state, State::Done) {
-            State::Prepared(mut current) | State::Felt(mut current) => {
+            State::Preparing(mut current) | State::Prepared(mut current) | State::Felt(mut current) => {
                 current.pass(now_s);
-                seat.held = Some(why);
+                // The answer opens again at once, if it was open.
+                (current.run, current.opened_s) = (Run::None, None);
+                if matches!(self.checked.study.phases.0[current.trial.phase].1, Phase::Record(_)) {
+                    current.exploration_s = 0.0;
+                }
                 State::Preparing(current)
             }
             other => other,
         };
-        if matches!(seat.state, State::Preparing(_)) {
+        if matches!(seat.state, State::Preparing(_)) && seat.held.is_none_or(|(before, _)| before != why) {
+            seat.held = Some((why, now_s));
             // It is in the notes, not in the trial: a STOP is no failure.
             let _ = self.note(why);
         }
         Step::Silence
+    }
+
+    /// Shows the experimenter what went wrong.
+    pub fn report(&mut self, why: String) {
+        self.trouble = Some(why);
     }
 
     /// Says that something went wrong, such as a run that did not start, and interrupts the trial.
@@ -586,17 +673,24 @@ impl Conductor {
 
     fn leave(&mut self) -> Stepped {
         self.seat = None;
-        self.look_at_people().map_err(|error| error.to_string())?;
+        if let Err(error) = self.look_at_people() {
+            self.trouble = Some(error.to_string());
+        }
         Ok(Step::Silence)
     }
 
-    fn withdraw(&mut self) -> Stepped {
-        let code = self.seat()?.code.clone();
-        let is_kept = self.seat()?.claim.is_some();
-        self.seat = None;
-        if is_kept {
-            self.folder.remove(&code).map_err(|error| error.to_string())?;
+    fn withdraw(&mut self, now_s: f64) -> Stepped {
+        self.interrupt("withdrawal", now_s);
+        let seat = self.seat()?;
+        let code = seat.code.clone();
+        if seat.claim.take().is_some()
+            && let Err(error) = self.folder.remove(&code)
+        {
+            let claim = self.seat.as_ref().map(|seat| self.claim(seat));
+            self.seat()?.claim = claim.and_then(Result::ok);
+            return Err(error.to_string());
         }
+        self.seat = None;
         self.look_at_people().map_err(|error| error.to_string())?;
         Ok(Step::Silence)
     }

@@ -126,10 +126,10 @@ UTF-8, comma separated, one header line, empty where there is no value, `true` a
 | second_is_left_or_earlier | true if the second one was on the left, or came first |
 | level | value of the varied parameter in the second one |
 | rating | 0 at the left end of the scale, 1 at the right one; the number of an answer |
-| choice | the chosen one (first, second), or the chosen answer |
+| choice | the chosen one (standard, or comparison, which has `level`), or the chosen answer |
 | is_right | true if the higher level was chosen |
 | text | answer in words |
-| exploration_s | from the beginning of the trial until the answer opened, s |
+| exploration_s | from the beginning of the trial until the answer opened, without interruptions, s |
 | response_s | from then on until the answer was confirmed, s |
 | session | run of the program that wrote the line |
 | time_utc | when it was written |
@@ -648,6 +648,8 @@ impl Claim {
         };
         let measures: Vec<Measure> = measures.iter().map(measure).collect();
         let _tables = self.folder.lock()?;
+        // Of a try that failed half-way.
+        self.folder.remove_orphans(code, &self.rows)?;
         if !measures.is_empty() {
             append(&self.folder.table("measures.csv"), &measures, |_| Ok(()))?;
         }

@@ -80,7 +80,7 @@ settings! {
 }
 
 /// The texts of the participant's page.
-pub const TEXTS: [(&str, &str); 15] = [
+pub const TEXTS: [(&str, &str); 21] = [
     ("welcome", "Welcome"),
     (
         "consent",
@@ -90,8 +90,14 @@ pub const TEXTS: [(&str, &str); 15] = [
     ("next", "Next"),
     ("stop", "Stop"),
     ("wait", "Please wait a moment"),
+    ("stopped", "Stopped. Nothing moves. Say when you want to go on."),
+    ("training", "A try first"),
+    ("compare", "Feel both as often as you like, then answer."),
+    ("feel", "Feel"),
+    ("answer", "Your answer"),
     ("start", "Hold the tool free of everything, then go on"),
     ("thanks", "That was all. Thank you!"),
+    ("problem", "Something went wrong. Please call the experimenter."),
     ("right", "That was right."),
     ("wrong", "That was wrong."),
     ("force", "Pressing force"),

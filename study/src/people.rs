@@ -183,13 +183,13 @@ impl<'p> Person<'p> {
         let level = trial.level.unwrap_or(standard);
         let difference = (level - standard).abs() / self.people.threshold;
         if level == standard {
-            row.choice = if self.uniform() < 0.5 { "second" } else { "first" }.to_owned();
+            row.choice = if self.uniform() < 0.5 { "comparison" } else { "standard" }.to_owned();
             return;
         }
         let is_known = self.uniform() >= self.people.lapse && self.uniform() >= 0.5_f64.powf(difference);
         let is_right = is_known || self.uniform() < 0.5;
         row.is_right = Some(is_right);
-        row.choice = if is_right == (level >= standard) { "second" } else { "first" }.to_owned();
+        row.choice = if is_right == (level >= standard) { "comparison" } else { "standard" }.to_owned();
     }
 }
 

@@ -22,6 +22,9 @@ impl Stage {
             clock: PageClock::default(),
         });
         if reach == Reach::Participant {
+            if self.study_drives() && self.pages.owner.is_some() {
+                self.interrupt_study("another page of the participant came");
+            }
             self.pages.owner = Some(id);
         } else if self.pages.study.is_none() {
             self.pages.owner.get_or_insert(id);
@@ -33,9 +36,12 @@ impl Stage {
     pub(crate) fn leave(&mut self, page: u64) {
         self.pages.list.retain(|known| known.id != page);
         if self.pages.study.is_some() {
-            // Both pages are needed, and the latest participant's is the one that counts.
-            self.disarm();
-            self.pages.owner = self.pages.owner.filter(|owner| *owner != page);
+            // The latest page of the participant is the one that counts.
+            let participants = self.pages.list.iter().filter(|page| page.reach == Reach::Participant);
+            self.pages.owner = participants.map(|page| page.id).max();
+            if self.study_drives() {
+                self.interrupt_study("a page left");
+            }
         } else if self.pages.owner == Some(page) {
             self.disarm();
             // A page of the network could not resume the run.

@@ -106,7 +106,7 @@ impl Stage {
         self.session = Some(session);
         self.cycle.state = State::Running;
         self.describe_actuators();
-        self.arm_in_study();
+        self.began_in_study();
         Ok(())
     }
 
@@ -252,8 +252,11 @@ impl Stage {
             self.deliver_recording(&recording);
         }
         let next = std::mem::take(&mut self.cycle.next_run);
-        if matches!(next, NextRun::None) || self.cycle.state == State::Failed {
+        if matches!(next, NextRun::None) {
             return;
+        }
+        if self.cycle.state == State::Failed {
+            return self.fail_in_study("a node of the graph panicked; see the messages in the terminal");
         }
         match self.start_as(next) {
             Ok(()) => talk::tell_graph(self),

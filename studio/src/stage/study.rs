@@ -8,6 +8,7 @@ use super::super::talk::Response;
 use super::super::wire::{ClientMessage, text};
 use super::Stage;
 use crate::actuators::driven;
+use haptograph_engine::run::ARM_HOLD_S;
 use haptograph_study::conduct::{Conductor, Presentation, Said, Step};
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -20,6 +21,8 @@ pub(crate) struct OnStage {
     told: [Value; 2],
     /// The run that follows once the one before has fallen to zero.
     pub presentation: Option<Presentation>,
+    /// When the experimenter's page held the actuators last.
+    held: Option<Instant>,
     /// In a page there is no study: the compiler leaves it out.
     #[cfg(target_family = "wasm")]
     never: std::convert::Infallible,
@@ -28,7 +31,7 @@ pub(crate) struct OnStage {
 impl OnStage {
     #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(conductor: Conductor) -> Self {
-        Self { conductor, begun: Instant::now(), told: Default::default(), presentation: None }
+        Self { conductor, begun: Instant::now(), told: Default::default(), presentation: None, held: None }
     }
 
     fn now_s(&self) -> f64 {
@@ -37,9 +40,11 @@ impl OnStage {
 }
 
 impl Stage {
-    /// True if the participant's page may be heard, and hear.
+    /// True if the participant's page may hear what is rendered.
     pub(crate) fn study_renders(&self) -> bool {
-        self.pages.study.as_ref().is_none_or(|study| study.conductor.is_rendering())
+        let renders =
+            |study: &OnStage| study.conductor.is_rendering() && study.conductor.is_felt_at(study.now_s());
+        self.pages.study.as_ref().is_none_or(renders)
     }
 
     /// True unless a study does not let the participant feel anything now.
@@ -51,11 +56,13 @@ impl Stage {
     pub(crate) fn hear_in_study(&mut self, page: u64, message: ClientMessage) -> Response {
         let reach = self.pages.list.iter().find(|known| known.id == page).map(|page| page.reach);
         let done = match (message, reach) {
-            (ClientMessage::Stop, _) => {
-                self.halt();
-                let stopped =
-                    self.pages.study.as_mut().map(|study| study.conductor.interrupt("STOP", study.now_s()));
-                stopped.map_or(Ok(()), |step| self.step(step))
+            (ClientMessage::Stop, reach) => {
+                let whose = match reach {
+                    Some(Reach::Participant) => "STOP of the participant",
+                    _ => "STOP of the experimenter",
+                };
+                self.interrupt_study(whose);
+                Ok(())
             }
             (ClientMessage::Sound { on }, Some(Reach::Participant)) => {
                 self.page_of(page, |page| page.hears = on);
@@ -63,9 +70,14 @@ impl Stage {
             }
             (ClientMessage::Hold, Some(Reach::Machine)) => {
                 self.devices.switch.hold();
+                if let Some(study) = &mut self.pages.study {
+                    study.held = Some(Instant::now());
+                }
                 Ok(())
             }
-            (ClientMessage::Study(said), Some(Reach::Participant)) if said.is_participants() => {
+            (ClientMessage::Study(said), Some(Reach::Participant))
+                if said.is_participants() && self.pages.owner == Some(page) =>
+            {
                 self.say(said)
             }
             (ClientMessage::Study(said), Some(Reach::Machine)) if !said.is_participants() => self.say(said),
@@ -74,6 +86,14 @@ impl Stage {
         match done {
             Ok(()) => Response::None,
             Err(error) => {
+                // A participant is told no path and no name.
+                let error = match (reach, &mut self.pages.study) {
+                    (Some(Reach::Participant), Some(study)) => {
+                        study.conductor.report(error);
+                        String::new()
+                    }
+                    _ => error,
+                };
                 let refused = text(&json!({ "type": "refused", "error": error }));
                 self.page_of(page, |page| page.tell(refused));
                 Response::None
@@ -85,14 +105,14 @@ impl Stage {
         let Some(study) = &mut self.pages.study else { return Ok(()) };
         let now_s = study.now_s();
         let step = study.conductor.hear(said, now_s)?;
-        self.step(step)?;
+        self.step(step);
         self.tell_study();
         Ok(())
     }
 
     /// Does what the study asks for.
-    fn step(&mut self, step: Step) -> Result<(), String> {
-        let Some(study) = &mut self.pages.study else { return Ok(()) };
+    fn step(&mut self, step: Step) {
+        let Some(study) = &mut self.pages.study else { return };
         match step {
             Step::None => {}
             Step::Silence => {
@@ -103,8 +123,15 @@ impl Stage {
                 study.presentation = Some(presentation);
                 self.restart(NextRun::Record);
             }
+            Step::Arm => {
+                let is_held = study.held.is_some_and(|held| held.elapsed().as_secs_f64() < ARM_HOLD_S);
+                if is_held && self.pages.owner.is_some() {
+                    self.devices.switch.arm(1.0);
+                } else {
+                    self.interrupt_study("a page is not there");
+                }
+            }
         }
-        Ok(())
     }
 
     /// What the next run of a study is of, with the folder in which it is kept.
@@ -116,13 +143,27 @@ impl Stage {
         }
     }
 
-    /// Arms what a run of a study renders.
-    pub(crate) fn arm_in_study(&self) {
-        if self.pages.study.as_ref().is_some_and(|study| study.conductor.is_rendering())
-            && !driven(&self.loaded.graph).is_empty()
-        {
-            self.devices.switch.arm(1.0);
+    /// Says that the run of a trial has begun.
+    pub(crate) fn began_in_study(&mut self) {
+        if let Some(study) = &mut self.pages.study {
+            let now_s = study.now_s();
+            study.conductor.began(now_s);
         }
+    }
+
+    /// Interrupts the trial of a study and ends its run.
+    pub(crate) fn interrupt_study(&mut self, why: &'static str) {
+        if let Some(study) = &mut self.pages.study {
+            let now_s = study.now_s();
+            study.conductor.interrupt(why, now_s);
+            study.presentation = None;
+            self.halt();
+        }
+    }
+
+    /// True if a study drives something real.
+    pub(crate) fn study_drives(&self) -> bool {
+        self.pages.study.is_some() && !driven(&self.loaded.graph).is_empty()
     }
 
     /// Says that a run of a study did not start.
@@ -130,6 +171,7 @@ impl Stage {
         if let Some(study) = &mut self.pages.study {
             let now_s = study.now_s();
             study.conductor.fail(why.to_owned(), now_s);
+            study.presentation = None;
         }
     }
 
@@ -146,19 +188,25 @@ impl Stage {
                 study.conductor.take(&name, (scope.lanes(), &unit), scope.fresh(), now_s);
             }
         }
-        let has_ended = study.conductor.is_rendering()
-            && study.presentation.is_none()
-            && (self.cycle.state != State::Running
-                || (!driven(&self.loaded.graph).is_empty() && !self.devices.switch.is_armed()));
-        let stepped = match has_ended {
-            true if self.cycle.state == State::Running => {
-                Ok(study.conductor.interrupt("the actuators were disarmed", now_s))
+        if !study.conductor.has_run() && self.session.is_some() && !self.cycle.is_stopping {
+            // No run without a trial.
+            study.presentation = None;
+            self.halt();
+            return self.tell_study();
+        }
+        let is_unarmed = !driven(&self.loaded.graph).is_empty() && !self.devices.switch.is_armed();
+        // How a real device is touched only the graph knows.
+        let pads = &self.signals.pads;
+        let is_touched = pads.is_empty() || pads.iter().any(|pad| pad.force_n() > 0.0);
+        if study.conductor.is_rendering() && self.cycle.state != State::Running {
+            self.interrupt_study("the run ended");
+        } else if study.conductor.is_rendering() && is_unarmed {
+            self.interrupt_study("the actuators were disarmed");
+        } else {
+            match study.conductor.tick(now_s, (self.session.is_some(), is_touched)) {
+                Ok(step) => self.step(step),
+                Err(error) => self.fail_in_study(&error),
             }
-            true => Ok(study.conductor.interrupt("the run ended", now_s)),
-            false => study.conductor.tick(now_s, self.session.is_some()),
-        };
-        if let Err(error) = stepped.and_then(|step| self.step(step)) {
-            self.fail_in_study(&error);
         }
         self.tell_study();
     }

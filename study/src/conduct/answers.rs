@@ -14,6 +14,9 @@ impl Conductor {
             return Ok(Step::None);
         }
         let opened_s = current.opened_s.ok_or("the conditions are not reached yet")?;
+        if self.is_record(&current.trial) {
+            return Err("a take ends by itself".to_owned());
+        }
         let mut row = self.checked.row(&current.trial);
         self.fill(&current.trial, answer, &mut row)?;
         row.status = if current.is_forced { Status::Forced } else { Status::Answered };
@@ -27,7 +30,16 @@ impl Conductor {
         kept
     }
 
+    fn is_record(&self, trial: &Trial) -> bool {
+        matches!(self.checked.study.phases.0[trial.phase].1, Phase::Record(_))
+    }
+
     pub(super) fn open_answer(&mut self, now_s: f64) -> Stepped {
+        if let Some(Seat { state: State::Felt(current), .. }) = &self.seat
+            && self.is_record(&current.trial)
+        {
+            return Err("a take ends by itself; pause it, or skip the trial".to_owned());
+        }
         if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
             && current.opened_s.is_none()
         {
@@ -37,13 +49,12 @@ impl Conductor {
     }
 
     pub(super) fn skip(&mut self, now_s: f64) -> Stepped {
-        let current = match self.seat.as_mut().map(|seat| &mut seat.state) {
+        let current = match self.seat.as_ref().map(|seat| &seat.state) {
             Some(State::Preparing(current) | State::Prepared(current) | State::Felt(current)) => current,
             _ => return Ok(Step::None),
         };
-        current.pass(now_s);
         let mut row = self.checked.row(&current.trial);
-        (row.status, row.exploration_s) = (Status::Skipped, to_ms(current.exploration_s));
+        (row.status, row.exploration_s) = (Status::Skipped, to_ms(current.explored_s(now_s)));
         self.keep(row)
     }
 
@@ -123,7 +134,7 @@ impl Conductor {
             phase @ (Phase::ConstantStimuli(_) | Phase::Staircase(_)) => {
                 let place = answer.choice.filter(|place| *place < 2).ok_or("none of the two is chosen")?;
                 let is_second = (place == 1) != trial.is_swapped;
-                row.choice = if is_second { "second" } else { "first" }.to_owned();
+                row.choice = if is_second { "comparison" } else { "standard" }.to_owned();
                 let standard = phase.varied().map_or(0.0, |(.., standard)| standard);
                 let level = trial.level.unwrap_or(standard);
                 row.is_right = (level != standard).then_some(is_second == (level > standard));

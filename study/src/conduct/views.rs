@@ -12,7 +12,8 @@ impl Conductor {
         view["type"] = json!("participant");
         let texts = self.texts();
         let feedback = self.seat.as_ref().and_then(|seat| seat.feedback);
-        view["feedback"] = feedback.map_or(Value::Null, |right| texts[if right { "right" } else { "wrong" }].clone());
+        view["feedback"] =
+            feedback.map_or(Value::Null, |right| texts[if right { "right" } else { "wrong" }].clone());
         view["texts"] = texts;
         view["masking"] = match self.page().map(|page| &page.masking) {
             None | Some(Masking::Silence) => Value::Null,
@@ -43,9 +44,11 @@ impl Conductor {
             State::Consent => json!({ "state": "consent" }),
             State::Done => json!({ "state": "done" }),
             State::Preparing(_) => {
-                json!({ "state": if seat.held == Some("STOP") { "stopped" } else { "wait" } })
+                json!({ "state": if seat.held.is_some_and(|(why, _)| why.starts_with("STOP")) { "stopped" } else { "wait" } })
             }
-            State::Prepared(current) if self.awaits_start(current) => json!({ "state": "start" }),
+            State::Prepared(current) if self.awaits_start(current) => {
+                json!({ "state": "start", "trial": current.trial.number })
+            }
             State::Prepared(_) => json!({ "state": "wait" }),
             State::Felt(current) if !current.has_begun(now_s) && !current.has_turns() => {
                 json!({ "state": "wait" })
@@ -65,6 +68,7 @@ impl Conductor {
             // What is only laid out is felt beside the page.
             "pad": (0..2).any(|place| current.is_virtual(place)) || matches!(phase, Phase::Practice(_)),
             "begins": !current.has_begun(now_s),
+            "training": current.trial.is_training,
             "conditions": self.conditions(current, now_s), "open": is_open, "lamp": self.page().and_then(|page| page.lamp.as_ref()).map(|_| self.lamp),
         })
     }
@@ -107,7 +111,7 @@ impl Conductor {
             json!({ "name": name, "wanted": study.groups.0.get(group).map(|(_, people)| people), "there": there })
         });
         let participants = self.known.iter().map(|known| {
-            json!({ "code": known.code, "group": known.group, "done": known.done, "withdrawn": known.has_withdrawn })
+            json!({ "code": known.code, "group": known.group, "done": known.done, "finished": known.has_finished, "withdrawn": known.has_withdrawn })
         });
         json!({
             "type": "experimenter", "about": study.about, "file": self.checked.path.display().to_string(),
@@ -138,7 +142,7 @@ impl Conductor {
         });
         json!({
             "code": seat.code, "group": self.checked.study.group_name(seat.group), "state": state, "of": seat.trials.len(),
-            "held": seat.held, "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places[0].is_some() && current.places[1].is_some()),
+            "held": seat.held.map(|(why, _)| why), "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places[0].is_some() && current.places[1].is_some()),
             "trial": trial,
         })
     }
