@@ -160,6 +160,7 @@ fn commands() -> Vec<Command> {
             .example("study check graphs/studies/first.ron")
             .example("study plan graphs/studies/first.ron --participant P07")
             .example("study simulate graphs/studies/first.ron --people 12")
+            .example("study simulate graphs/studies/first.ron --people 8,15,30 --repeat 500")
             .example("study analyse out/first-simulated")
             .example("study remove out/first-simulated --participant S001"),
         Command::new("thesis", thesis::run).example("thesis table 4.3").example("thesis study 4.5"),

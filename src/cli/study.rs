@@ -1,10 +1,9 @@
 //! `haptograph study`: studies with people.
 
 mod run;
+mod simulate;
 
-use super::interrupt;
 use super::placing::{Force, RunFolder};
-use super::progress::Progress;
 use super::result::{CommandResult, show};
 use super::table::{significant, table};
 use super::{Failure, print};
@@ -12,11 +11,9 @@ use crate::engine::registry::Registry;
 use clap::Subcommand;
 use haptograph_study::analyse::Analysis;
 use haptograph_study::check::{Checked, StudyError};
-use haptograph_study::data::{DataError, Folder, Row, Status};
-use haptograph_study::people::{People, codes};
+use haptograph_study::data::{Folder, Row};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::path::PathBuf;
 
 /// Check, plan, run, simulate and analyse a study with people
 ///
@@ -57,32 +54,7 @@ enum Command {
     /// Nothing is kept before the participant agrees; an answer is on disk before the next trial begins. The same command goes on where a
     /// session ended. Devices are simulated unless the study, --live or --endpoints names another set.
     Run(run::Arguments),
-    /// Run a study with people who do not exist
-    ///
-    /// The graph runs with its simulated hands, so that the conditions of a trial and its measures are real; the answers are those of
-    /// people of known parameters. A repeated run goes on where it ended.
-    Simulate {
-        #[command(flatten)]
-        study: StudyFile,
-        /// Number of people in each group; default: as the study says, or 12
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-        people: Option<u32>,
-        /// A file `People(...)` with their parameters; default: people without a preference
-        #[arg(long, value_name = "PEOPLE.ron")]
-        model: Option<PathBuf>,
-        /// Longest trial, s: conditions that are not reached by then are forced
-        #[arg(long, value_name = "SECONDS", default_value_t = 180.0, value_parser = super::run::seconds)]
-        longest: f64,
-        /// Run no graph: answers alone
-        #[arg(long)]
-        without_motion: bool,
-        /// The folder to write; default: `out/STUDY-simulated`
-        #[arg(short, long, value_name = "DIR")]
-        output: Option<PathBuf>,
-        /// Print the result as JSON
-        #[arg(long)]
-        json: bool,
-    },
+    Simulate(simulate::Arguments),
     /// Compute the statistics that the phases ask for
     ///
     /// Two tests stand side by side: as in the thesis, with participants as replicates, and with repeated measures, each participant
@@ -147,19 +119,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
             let group = study.study.group_name(group).to_owned();
             show(&Plan { group, participant: participant.clone(), trials }, *json)
         }
-        Command::Simulate { study, people, model, longest, without_motion, output, json } => {
-            let checked = study.load()?;
-            let model = match model {
-                None => People::indifferent(),
-                Some(path) => People::load(path, &checked).map_err(failure)?,
-            };
-            let longest_s = (!without_motion).then_some(*longest);
-            let output = output.clone().unwrap_or_else(|| {
-                let name = study.study.file_stem().unwrap_or_default().to_string_lossy();
-                Path::new("out").join(format!("{name}-simulated"))
-            });
-            simulate((&checked, registry), (&model, longest_s), *people, &output, *json)
-        }
+        Command::Simulate(arguments) => simulate::run(arguments, registry),
         Command::Analyse { folder, json } => {
             let folder = Folder::existing(folder).map_err(Failure::message)?;
             let study = folder.study().map_err(Failure::message)?;
@@ -291,79 +251,6 @@ impl CommandResult for Plan {
         let header = ["trial", "phase", "scale or question", "left, first", "right, second", "level"];
         let trials = table(&header, &rows);
         format!("participant {}, group {}\n{trials}", self.participant, self.group)
-    }
-}
-
-/// What simulated people did.
-#[derive(Serialize)]
-struct Simulated {
-    folder: PathBuf,
-    /// Trials whose conditions were not reached.
-    forced: usize,
-    participants: usize,
-    /// True everywhere in the folder too.
-    simulated: bool,
-    trials: usize,
-}
-
-fn simulate(
-    (study, registry): (&Checked, &Registry),
-    (people, longest_s): (&People, Option<f64>),
-    count: Option<u32>,
-    output: &Path,
-    json: bool,
-) -> Result<(), Failure> {
-    study.check_graph(registry).map_err(failure)?;
-    let folder =
-        Folder::open(output, &study.identity(Some(people.parameters()))).map_err(Failure::message)?;
-    let groups = study.study.group_count();
-    let usual = |group: usize| study.study.groups.0.get(group).map_or(12, |(_, people)| *people);
-    let size = |group: usize| count.unwrap_or_else(|| usual(group)) as usize;
-    let all: usize = (0..groups).map(size).sum();
-    let mut codes = codes(all);
-    let progress = Progress::of("simulating");
-    let stop = interrupt::flag()?;
-    let (mut trials, mut participants, mut forced) = (0, 0, 0);
-    for group in 0..groups {
-        for code in codes.by_ref().take(size(group)) {
-            let name = study.study.group_name(group);
-            let mut claim = match folder.claim(&code, name, true) {
-                Err(DataError::Withdrawn { .. }) => continue,
-                claim => claim.map_err(Failure::message)?,
-            };
-            loop {
-                if stop.load(Ordering::Relaxed) {
-                    return Err(Failure::Interrupted);
-                }
-                let done =
-                    study.simulate(registry, (&mut claim, group), people, longest_s, 1).map_err(failure)?;
-                trials += done;
-                if done == 0 {
-                    break;
-                }
-            }
-            participants += 1;
-            forced += claim.rows().iter().filter(|row| row.status == Status::Forced).count();
-            progress.at(participants as f64 / all as f64);
-        }
-    }
-    drop(progress);
-    show(&Simulated { forced, folder: output.to_path_buf(), participants, simulated: true, trials }, json)
-}
-
-impl CommandResult for Simulated {
-    fn text(&self) -> String {
-        let folder = self.folder.display();
-        let forced = match self.forced {
-            0 => String::new(),
-            forced => format!("{forced} trials did not reach their conditions and are marked `forced`\n"),
-        };
-        match self.trials {
-            0 => format!("nothing was left to simulate in {folder}\n{forced}"),
-            trials => {
-                format!("simulated {} people: {trials} trials in {folder}\n{forced}", self.participants)
-            }
-        }
     }
 }
 

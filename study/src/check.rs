@@ -122,6 +122,15 @@ impl Checked {
 
     /// The line of a trial, but for its answer.
     pub fn row(&self, trial: &Trial) -> Row {
+        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
+        let file = rendered.and_then(|of| self.study.surfaces.0[of.surface].1.file.as_ref());
+        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
+        let surface_sha256 = surface_sha256.map_or_else(String::new, |bytes| hash(&bytes));
+        Row { surface_sha256, ..self.row_without_hash(trial) }
+    }
+
+    /// The same without reading the surface.
+    pub(crate) fn row_without_hash(&self, trial: &Trial) -> Row {
         let study = &self.study;
         let surface =
             |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
@@ -136,9 +145,6 @@ impl Checked {
             _ => None,
         };
         let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
-        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
-        let file = rendered.and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
-        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
         Row {
             trial: trial.number,
             phase: name.text.clone(),
@@ -150,7 +156,6 @@ impl Checked {
             second_version: version(trial.second),
             second_is_left_or_earlier: trial.is_swapped,
             level: trial.level,
-            surface_sha256: surface_sha256.map_or_else(String::new, |bytes| hash(&bytes)),
             ..Row::default()
         }
     }
