@@ -157,8 +157,9 @@ fn commands() -> Vec<Command> {
         Command::new("check", check::run).example("check graphs/omni.ron --plan"),
         Command::new("studio", studio::run).example("studio graphs/texturepad.ron"),
         Command::new("study", study::run)
-            .example("study check graphs/studies/first.ron")
+            .example("study check graphs/studies/first.ron --headroom")
             .example("study plan graphs/studies/first.ron --participant P07")
+            .example("study run graphs/studies/first.ron")
             .example("study simulate graphs/studies/first.ron --people 12")
             .example("study simulate graphs/studies/first.ron --people 8,15,30 --repeat 500")
             .example("study analyse out/first-simulated")
@@ -197,7 +198,8 @@ fn commands() -> Vec<Command> {
             .example("surface select graphs/surfaces --count 3")
             .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
             .example("surface leave-one-out Models10000Hz/XML")
-            .example("surface image canvas.png --mm 63.5"),
+            .example("surface image canvas.png --mm 63.5")
+            .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron"),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::shards::run)
             .example("evaluate recordings --report out/evaluation")

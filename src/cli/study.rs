@@ -1,5 +1,6 @@
 //! `haptograph study`: studies with people.
 
+mod check;
 mod run;
 mod simulate;
 
@@ -27,14 +28,7 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Check a study, its graph with every version, and its orders
-    Check {
-        #[command(flatten)]
-        study: StudyFile,
-        /// Print the result as JSON
-        #[arg(long)]
-        json: bool,
-    },
+    Check(check::Arguments),
     /// List the trials of a participant
     Plan {
         #[command(flatten)]
@@ -106,7 +100,7 @@ fn failure(error: StudyError) -> Failure {
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Command::Run(arguments) => run::run(arguments, registry),
-        Command::Check { study, json } => check(&study.load()?, registry, *json),
+        Command::Check(arguments) => check::run(arguments, registry),
         Command::Plan { study, participant, group, json } => {
             let study = study.load()?;
             study.check_code(participant).map_err(Failure::message)?;
@@ -145,83 +139,6 @@ fn group_of(study: &Checked, name: &str) -> Result<usize, Failure> {
     known.iter().position(|known| *known == name).ok_or_else(|| {
         Failure::Message(format!("the study has no group `{name}`; it has {}", known.join(", ")))
     })
-}
-
-/// A study that can run.
-#[derive(Serialize)]
-struct CheckedStudy {
-    groups: Vec<GroupOf>,
-    study: PathBuf,
-}
-
-#[derive(Serialize)]
-struct GroupOf {
-    /// Whose number balances the Latin squares.
-    balanced_by: Option<usize>,
-    group: String,
-    people: Option<u32>,
-    phases: Vec<PhaseOf>,
-    trials: usize,
-}
-
-#[derive(Serialize)]
-struct PhaseOf {
-    kind: &'static str,
-    /// Surfaces without what is presented of others.
-    lacking: Vec<String>,
-    phase: String,
-    training: usize,
-    trials: usize,
-}
-
-fn check(study: &Checked, registry: &Registry, json: bool) -> Result<(), Failure> {
-    study.check_graph(registry).map_err(failure)?;
-    let groups = (0..study.study.group_count()).map(|group| {
-        let trials = study.study.trials("1", group);
-        let of_phase = |number: usize| trials.iter().filter(move |trial| trial.phase == number);
-        let phases = study.study.phases.0.iter().enumerate().map(|(number, (name, phase))| PhaseOf {
-            kind: phase.kind(),
-            lacking: study.study.lacking(phase).into_iter().map(str::to_owned).collect(),
-            phase: name.text.clone(),
-            training: of_phase(number).filter(|trial| trial.is_training).count(),
-            trials: of_phase(number).filter(|trial| !trial.is_training).count(),
-        });
-        GroupOf {
-            balanced_by: study.study.balanced_by(group),
-            group: study.study.group_name(group).to_owned(),
-            people: study.study.groups.0.get(group).map(|(_, people)| *people),
-            phases: phases.filter(|phase| phase.trials > 0).collect(),
-            trials: trials.len(),
-        }
-    });
-    show(&CheckedStudy { groups: groups.collect(), study: study.path.clone() }, json)
-}
-
-impl CommandResult for CheckedStudy {
-    fn text(&self) -> String {
-        let mut text = format!("{} is valid\n", self.study.display());
-        for group in &self.groups {
-            let people = group.people.map_or_else(String::new, |people| format!(", {people} people"));
-            text += &format!("group {}{people}: {} trials each\n", group.group, group.trials);
-            for PhaseOf { kind, lacking, phase, training, trials } in &group.phases {
-                let training = if *training > 0 { format!(", {training} training") } else { String::new() };
-                text += &format!("  {phase}: {kind}, {trials} trials{training}\n");
-                if !lacking.is_empty() {
-                    let names = lacking.join(", ");
-                    text += &format!("    without a `sample` or a `file` that others have: {names}\n");
-                }
-            }
-            if let Some(rows) = group.balanced_by {
-                let verdict = match group.people {
-                    None => "balanced by",
-                    Some(people) if (people as usize).is_multiple_of(rows) => "balanced:",
-                    Some(_) => "not balanced:",
-                };
-                text += &format!("  Latin squares: {verdict} {rows} people or a multiple\n");
-            }
-        }
-        text
-    }
 }
 
 /// The trials of a participant, with the columns of `trials.csv`.

@@ -1,6 +1,7 @@
 //! `haptograph surface`: commands for surface files.
 
 mod convert;
+pub(super) mod headroom;
 mod image;
 mod interpolate;
 mod leave_one_out;
@@ -17,7 +18,7 @@ use clap::Subcommand;
 pub(super) use show::clips_of;
 use std::path::{Path, PathBuf};
 
-/// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces
+/// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces, and headroom
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -33,9 +34,10 @@ enum Command {
     Interpolate(interpolate::Arguments),
     LeaveOneOut(leave_one_out::Arguments),
     Image(image::Arguments),
+    Headroom(headroom::Arguments),
 }
 
-pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Command::Show(arguments) => show::run(arguments),
         Command::Convert(arguments) => convert::run(arguments),
@@ -44,6 +46,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         Command::Interpolate(arguments) => interpolate::run(arguments),
         Command::LeaveOneOut(arguments) => leave_one_out::run(arguments),
         Command::Image(arguments) => image::run(arguments),
+        Command::Headroom(arguments) => headroom::run(arguments, registry),
     }
 }
 

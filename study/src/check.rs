@@ -319,6 +319,26 @@ impl Checked {
         }
     }
 
+    /// What the study renders: the phase, the stimulus and the level of the varied parameter, once for the same parameters.
+    pub fn rendered(&self) -> Vec<(usize, Stimulus, Option<f64>)> {
+        let (mut all, mut seen) = (Vec::new(), Vec::new());
+        for trial in (0..self.study.group_count()).flat_map(|group| self.study.trials("1", group)) {
+            let phase = &self.study.phases.0[trial.phase].1;
+            let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
+            for (stimulus, level) in stimuli
+                .flat_map(|stimulus| phase.extreme_levels().into_iter().map(move |level| (stimulus, level)))
+            {
+                let parameters = self.parameters(phase, (Some(stimulus), level));
+                if !seen.contains(&parameters) {
+                    seen.push(parameters);
+                    all.push((trial.phase, stimulus, level));
+                }
+            }
+        }
+        all.sort_by_key(|(phase, of, _)| (*phase, of.surface, of.version));
+        all
+    }
+
     /// Seed of the run of a trial: of the study, the participant and the trial alone.
     pub fn seed_of(&self, participant: &str, trial: &Trial) -> u64 {
         stream_seed(self.study.seed, &format!("{participant}/{}", trial.number))
@@ -581,6 +601,17 @@ impl Study {
             }
         }
         all
+    }
+
+    /// How long trials take, s: `trial_s` each, and what the conditions of each virtual stimulus ask for in seconds, one after the other.
+    pub fn duration_s(&self, trials: &[Trial]) -> f64 {
+        let conditions_s = |trial: &Trial| {
+            let gates = self.phases.0[trial.phase].1.gates().into_iter().flat_map(|gates| &gates.0);
+            let of_time = gates.filter(|(_, gate)| gate.quantity == Quantity::TIME);
+            let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
+            of_time.map(|(_, gate)| gate.at_least).sum::<f64>() * stimuli.count().max(1) as f64
+        };
+        trials.iter().map(|trial| self.trial_s + conditions_s(trial)).sum()
     }
 
     /// The surfaces of a phase that lack what it presents of others: a `sample` for the real one, a `file` for the virtual one.
