@@ -199,6 +199,7 @@ fn commands() -> Vec<Command> {
             .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
             .example("surface leave-one-out Models10000Hz/XML")
             .example("surface image canvas.png --mm 63.5")
+            .example("surface constants graphs/surfaces")
             .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron"),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::shards::run)

@@ -1,5 +1,6 @@
 //! `haptograph surface`: commands for surface files.
 
+mod constants;
 mod convert;
 pub(super) mod headroom;
 mod image;
@@ -35,6 +36,7 @@ enum Command {
     LeaveOneOut(leave_one_out::Arguments),
     Image(image::Arguments),
     Headroom(headroom::Arguments),
+    Constants(constants::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
@@ -46,6 +48,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
         Command::Interpolate(arguments) => interpolate::run(arguments),
         Command::LeaveOneOut(arguments) => leave_one_out::run(arguments),
         Command::Image(arguments) => image::run(arguments),
+        Command::Constants(arguments) => constants::run(arguments),
         Command::Headroom(arguments) => headroom::run(arguments, registry),
     }
 }
@@ -58,6 +61,18 @@ pub(super) fn load(path: &Path) -> Result<Surface, Failure> {
         }
         _ => Failure::Message(error.to_string()),
     })
+}
+
+/// Reads surface files, and those of folders.
+fn load_all(paths: &[PathBuf]) -> Result<Vec<Surface>, Failure> {
+    let mut surfaces = Vec::new();
+    for path in paths {
+        match path.is_dir() {
+            true => surfaces.extend(select::collect(path)?),
+            false => surfaces.push(load(path)?),
+        }
+    }
+    Ok(surfaces)
 }
 
 /// Checks before the work that an output can be written.

@@ -594,3 +594,17 @@ fn the_power_of_simulated_studies_is_that_of_the_noncentral_f() {
     stop.store(true, Ordering::Relaxed);
     assert!(refused(&sizes, 10).contains("stopped"));
 }
+
+#[test]
+fn a_study_takes_its_trials_and_what_their_conditions_ask_for() {
+    let minutes = |study: &Checked, group| study.study.duration_s(&study.study.trials("1", group)) / 60.0;
+    // 33 trials of 15 s, 24 of them with four conditions of 5 s.
+    let study = shipped("responsiveness.ron");
+    assert_eq!(minutes(&study, 0), (33.0 * 15.0 + 24.0 * 20.0) / 60.0);
+    assert_eq!(study.rendered().len(), 6 * 4);
+    // A distance and taps have no time of their own.
+    let study = shipped("components.ron");
+    assert_eq!(minutes(&study, 0), 48.0 * 15.0 / 60.0);
+    // Group 2 rates what group 1 compares.
+    assert_eq!(study.rendered().len(), 6 * 4);
+}

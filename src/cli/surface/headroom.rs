@@ -339,7 +339,7 @@ struct OfSurface {
 impl CommandResult for Shown {
     fn text(&self) -> String {
         let rows = self.surfaces.iter().flat_map(|of| {
-            let name = of.surface.display().to_string();
+            let name = of.surface.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             of.actuators.iter().map(move |one| [vec![name.clone()], one.row()].concat())
         });
         let header = [&["surface"], &HEADER[..]].concat();
