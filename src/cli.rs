@@ -148,6 +148,19 @@ fn wants_json(matches: &ArgMatches) -> bool {
     own.copied().unwrap_or(false) || inner
 }
 
+fn surface_command() -> Command {
+    Command::new("surface", surface::run)
+        .example("surface show graphs/surfaces/t2-canvas.ron")
+        .example("surface convert brick.xml brick.ron")
+        .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
+        .example("surface select graphs/surfaces --count 3")
+        .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
+        .example("surface leave-one-out Models10000Hz/XML")
+        .example("surface image canvas.png --mm 63.5")
+        .example("surface constants graphs/surfaces")
+        .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron")
+}
+
 /// All commands, in the order in which the help lists them.
 fn commands() -> Vec<Command> {
     vec![
@@ -191,16 +204,7 @@ fn commands() -> Vec<Command> {
             .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork")
             .example("learn recordings -o surfaces --shard 1/8"),
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
-        Command::new("surface", surface::run)
-            .example("surface show graphs/surfaces/t2-canvas.ron")
-            .example("surface convert brick.xml brick.ron")
-            .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
-            .example("surface select graphs/surfaces --count 3")
-            .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
-            .example("surface leave-one-out Models10000Hz/XML")
-            .example("surface image canvas.png --mm 63.5")
-            .example("surface constants graphs/surfaces")
-            .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron"),
+        surface_command(),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::shards::run)
             .example("evaluate recordings --report out/evaluation")
