@@ -103,6 +103,10 @@ impl Checked {
             Ok(())
         })?;
         let counts = counts.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if counts.is_empty() {
+            let message = "no test can be computed of so few people or stimuli: give more";
+            return Err(StudyError::Run(message.to_owned()));
+        }
         let effect = |((.., names), found): (Effect, Vec<usize>)| {
             let [phase, of, test, term] = names;
             let shares = found.into_iter().map(|found| Share::of(found, repeat)).collect();

@@ -591,6 +591,7 @@ fn the_power_of_simulated_studies_is_that_of_the_noncentral_f() {
     };
     assert!(refused(&[vec![10_000]], 10_000).contains("lower --people or --repeat"));
     assert!(refused(&[vec![1_000_000]], 1).contains("lower --people"));
+    assert!(refused(&[vec![1]], 3).contains("so few people"));
     stop.store(true, Ordering::Relaxed);
     assert!(refused(&sizes, 10).contains("stopped"));
 }
