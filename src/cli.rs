@@ -148,6 +148,19 @@ fn wants_json(matches: &ArgMatches) -> bool {
     own.copied().unwrap_or(false) || inner
 }
 
+fn surface_command() -> Command {
+    Command::new("surface", surface::run)
+        .example("surface show graphs/surfaces/t2-canvas.ron")
+        .example("surface convert brick.xml brick.ron")
+        .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
+        .example("surface select graphs/surfaces --count 3")
+        .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
+        .example("surface leave-one-out Models10000Hz/XML")
+        .example("surface image canvas.png --mm 63.5")
+        .example("surface constants graphs/surfaces")
+        .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron")
+}
+
 /// All commands, in the order in which the help lists them.
 fn commands() -> Vec<Command> {
     vec![
@@ -157,9 +170,11 @@ fn commands() -> Vec<Command> {
         Command::new("check", check::run).example("check graphs/omni.ron --plan"),
         Command::new("studio", studio::run).example("studio graphs/texturepad.ron"),
         Command::new("study", study::run)
-            .example("study check graphs/studies/first.ron")
+            .example("study check graphs/studies/first.ron --headroom")
             .example("study plan graphs/studies/first.ron --participant P07")
+            .example("study run graphs/studies/first.ron")
             .example("study simulate graphs/studies/first.ron --people 12")
+            .example("study simulate graphs/studies/first.ron --people 8,15,30 --repeat 500")
             .example("study analyse out/first-simulated")
             .example("study remove out/first-simulated --participant S001"),
         Command::new("thesis", thesis::run).example("thesis table 4.3").example("thesis study 4.5"),
@@ -189,14 +204,7 @@ fn commands() -> Vec<Command> {
             .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork")
             .example("learn recordings -o surfaces --shard 1/8"),
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
-        Command::new("surface", surface::run)
-            .example("surface show graphs/surfaces/t2-canvas.ron")
-            .example("surface convert brick.xml brick.ron")
-            .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
-            .example("surface select graphs/surfaces --count 3")
-            .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
-            .example("surface leave-one-out Models10000Hz/XML")
-            .example("surface image canvas.png --mm 63.5"),
+        surface_command(),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::shards::run)
             .example("evaluate recordings --report out/evaluation")

@@ -1,10 +1,10 @@
 //! `haptograph study`: studies with people.
 
+mod check;
 mod run;
+mod simulate;
 
-use super::interrupt;
 use super::placing::{Force, RunFolder};
-use super::progress::Progress;
 use super::result::{CommandResult, show};
 use super::table::{significant, table};
 use super::{Failure, print};
@@ -12,11 +12,9 @@ use crate::engine::registry::Registry;
 use clap::Subcommand;
 use haptograph_study::analyse::Analysis;
 use haptograph_study::check::{Checked, StudyError};
-use haptograph_study::data::{DataError, Folder, Row, Status};
-use haptograph_study::people::{People, codes};
+use haptograph_study::data::{Folder, Row};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::path::PathBuf;
 
 /// Check, plan, run, simulate and analyse a study with people
 ///
@@ -30,14 +28,7 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Check a study, its graph with every version, and its orders
-    Check {
-        #[command(flatten)]
-        study: StudyFile,
-        /// Print the result as JSON
-        #[arg(long)]
-        json: bool,
-    },
+    Check(check::Arguments),
     /// List the trials of a participant
     Plan {
         #[command(flatten)]
@@ -57,32 +48,7 @@ enum Command {
     /// Nothing is kept before the participant agrees; an answer is on disk before the next trial begins. The same command goes on where a
     /// session ended. Devices are simulated unless the study, --live or --endpoints names another set.
     Run(run::Arguments),
-    /// Run a study with people who do not exist
-    ///
-    /// The graph runs with its simulated hands, so that the conditions of a trial and its measures are real; the answers are those of
-    /// people of known parameters. A repeated run goes on where it ended.
-    Simulate {
-        #[command(flatten)]
-        study: StudyFile,
-        /// Number of people in each group; default: as the study says, or 12
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-        people: Option<u32>,
-        /// A file `People(...)` with their parameters; default: people without a preference
-        #[arg(long, value_name = "PEOPLE.ron")]
-        model: Option<PathBuf>,
-        /// Longest trial, s: conditions that are not reached by then are forced
-        #[arg(long, value_name = "SECONDS", default_value_t = 180.0, value_parser = super::run::seconds)]
-        longest: f64,
-        /// Run no graph: answers alone
-        #[arg(long)]
-        without_motion: bool,
-        /// The folder to write; default: `out/STUDY-simulated`
-        #[arg(short, long, value_name = "DIR")]
-        output: Option<PathBuf>,
-        /// Print the result as JSON
-        #[arg(long)]
-        json: bool,
-    },
+    Simulate(simulate::Arguments),
     /// Compute the statistics that the phases ask for
     ///
     /// Two tests stand side by side: as in the thesis, with participants as replicates, and with repeated measures, each participant
@@ -134,7 +100,7 @@ fn failure(error: StudyError) -> Failure {
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Command::Run(arguments) => run::run(arguments, registry),
-        Command::Check { study, json } => check(&study.load()?, registry, *json),
+        Command::Check(arguments) => check::run(arguments, registry),
         Command::Plan { study, participant, group, json } => {
             let study = study.load()?;
             study.check_code(participant).map_err(Failure::message)?;
@@ -147,19 +113,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
             let group = study.study.group_name(group).to_owned();
             show(&Plan { group, participant: participant.clone(), trials }, *json)
         }
-        Command::Simulate { study, people, model, longest, without_motion, output, json } => {
-            let checked = study.load()?;
-            let model = match model {
-                None => People::indifferent(),
-                Some(path) => People::load(path, &checked).map_err(failure)?,
-            };
-            let longest_s = (!without_motion).then_some(*longest);
-            let output = output.clone().unwrap_or_else(|| {
-                let name = study.study.file_stem().unwrap_or_default().to_string_lossy();
-                Path::new("out").join(format!("{name}-simulated"))
-            });
-            simulate((&checked, registry), (&model, longest_s), *people, &output, *json)
-        }
+        Command::Simulate(arguments) => simulate::run(arguments, registry),
         Command::Analyse { folder, json } => {
             let folder = Folder::existing(folder).map_err(Failure::message)?;
             let study = folder.study().map_err(Failure::message)?;
@@ -185,83 +139,6 @@ fn group_of(study: &Checked, name: &str) -> Result<usize, Failure> {
     known.iter().position(|known| *known == name).ok_or_else(|| {
         Failure::Message(format!("the study has no group `{name}`; it has {}", known.join(", ")))
     })
-}
-
-/// A study that can run.
-#[derive(Serialize)]
-struct CheckedStudy {
-    groups: Vec<GroupOf>,
-    study: PathBuf,
-}
-
-#[derive(Serialize)]
-struct GroupOf {
-    /// Whose number balances the Latin squares.
-    balanced_by: Option<usize>,
-    group: String,
-    people: Option<u32>,
-    phases: Vec<PhaseOf>,
-    trials: usize,
-}
-
-#[derive(Serialize)]
-struct PhaseOf {
-    kind: &'static str,
-    /// Surfaces without what is presented of others.
-    lacking: Vec<String>,
-    phase: String,
-    training: usize,
-    trials: usize,
-}
-
-fn check(study: &Checked, registry: &Registry, json: bool) -> Result<(), Failure> {
-    study.check_graph(registry).map_err(failure)?;
-    let groups = (0..study.study.group_count()).map(|group| {
-        let trials = study.study.trials("1", group);
-        let of_phase = |number: usize| trials.iter().filter(move |trial| trial.phase == number);
-        let phases = study.study.phases.0.iter().enumerate().map(|(number, (name, phase))| PhaseOf {
-            kind: phase.kind(),
-            lacking: study.study.lacking(phase).into_iter().map(str::to_owned).collect(),
-            phase: name.text.clone(),
-            training: of_phase(number).filter(|trial| trial.is_training).count(),
-            trials: of_phase(number).filter(|trial| !trial.is_training).count(),
-        });
-        GroupOf {
-            balanced_by: study.study.balanced_by(group),
-            group: study.study.group_name(group).to_owned(),
-            people: study.study.groups.0.get(group).map(|(_, people)| *people),
-            phases: phases.filter(|phase| phase.trials > 0).collect(),
-            trials: trials.len(),
-        }
-    });
-    show(&CheckedStudy { groups: groups.collect(), study: study.path.clone() }, json)
-}
-
-impl CommandResult for CheckedStudy {
-    fn text(&self) -> String {
-        let mut text = format!("{} is valid\n", self.study.display());
-        for group in &self.groups {
-            let people = group.people.map_or_else(String::new, |people| format!(", {people} people"));
-            text += &format!("group {}{people}: {} trials each\n", group.group, group.trials);
-            for PhaseOf { kind, lacking, phase, training, trials } in &group.phases {
-                let training = if *training > 0 { format!(", {training} training") } else { String::new() };
-                text += &format!("  {phase}: {kind}, {trials} trials{training}\n");
-                if !lacking.is_empty() {
-                    let names = lacking.join(", ");
-                    text += &format!("    without a `sample` or a `file` that others have: {names}\n");
-                }
-            }
-            if let Some(rows) = group.balanced_by {
-                let verdict = match group.people {
-                    None => "balanced by",
-                    Some(people) if (people as usize).is_multiple_of(rows) => "balanced:",
-                    Some(_) => "not balanced:",
-                };
-                text += &format!("  Latin squares: {verdict} {rows} people or a multiple\n");
-            }
-        }
-        text
-    }
 }
 
 /// The trials of a participant, with the columns of `trials.csv`.
@@ -291,79 +168,6 @@ impl CommandResult for Plan {
         let header = ["trial", "phase", "scale or question", "left, first", "right, second", "level"];
         let trials = table(&header, &rows);
         format!("participant {}, group {}\n{trials}", self.participant, self.group)
-    }
-}
-
-/// What simulated people did.
-#[derive(Serialize)]
-struct Simulated {
-    folder: PathBuf,
-    /// Trials whose conditions were not reached.
-    forced: usize,
-    participants: usize,
-    /// True everywhere in the folder too.
-    simulated: bool,
-    trials: usize,
-}
-
-fn simulate(
-    (study, registry): (&Checked, &Registry),
-    (people, longest_s): (&People, Option<f64>),
-    count: Option<u32>,
-    output: &Path,
-    json: bool,
-) -> Result<(), Failure> {
-    study.check_graph(registry).map_err(failure)?;
-    let folder =
-        Folder::open(output, &study.identity(Some(people.parameters()))).map_err(Failure::message)?;
-    let groups = study.study.group_count();
-    let usual = |group: usize| study.study.groups.0.get(group).map_or(12, |(_, people)| *people);
-    let size = |group: usize| count.unwrap_or_else(|| usual(group)) as usize;
-    let all: usize = (0..groups).map(size).sum();
-    let mut codes = codes(all);
-    let progress = Progress::of("simulating");
-    let stop = interrupt::flag()?;
-    let (mut trials, mut participants, mut forced) = (0, 0, 0);
-    for group in 0..groups {
-        for code in codes.by_ref().take(size(group)) {
-            let name = study.study.group_name(group);
-            let mut claim = match folder.claim(&code, name, true) {
-                Err(DataError::Withdrawn { .. }) => continue,
-                claim => claim.map_err(Failure::message)?,
-            };
-            loop {
-                if stop.load(Ordering::Relaxed) {
-                    return Err(Failure::Interrupted);
-                }
-                let done =
-                    study.simulate(registry, (&mut claim, group), people, longest_s, 1).map_err(failure)?;
-                trials += done;
-                if done == 0 {
-                    break;
-                }
-            }
-            participants += 1;
-            forced += claim.rows().iter().filter(|row| row.status == Status::Forced).count();
-            progress.at(participants as f64 / all as f64);
-        }
-    }
-    drop(progress);
-    show(&Simulated { forced, folder: output.to_path_buf(), participants, simulated: true, trials }, json)
-}
-
-impl CommandResult for Simulated {
-    fn text(&self) -> String {
-        let folder = self.folder.display();
-        let forced = match self.forced {
-            0 => String::new(),
-            forced => format!("{forced} trials did not reach their conditions and are marked `forced`\n"),
-        };
-        match self.trials {
-            0 => format!("nothing was left to simulate in {folder}\n{forced}"),
-            trials => {
-                format!("simulated {} people: {trials} trials in {folder}\n{forced}", self.participants)
-            }
-        }
     }
 }
 

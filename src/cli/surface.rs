@@ -1,6 +1,8 @@
 //! `haptograph surface`: commands for surface files.
 
+mod constants;
 mod convert;
+pub(super) mod headroom;
 mod image;
 mod interpolate;
 mod leave_one_out;
@@ -17,7 +19,7 @@ use clap::Subcommand;
 pub(super) use show::clips_of;
 use std::path::{Path, PathBuf};
 
-/// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces
+/// Show, convert, resample, select, interpolate and compare surface files; measure photographs of surfaces, and headroom
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -33,9 +35,11 @@ enum Command {
     Interpolate(interpolate::Arguments),
     LeaveOneOut(leave_one_out::Arguments),
     Image(image::Arguments),
+    Headroom(headroom::Arguments),
+    Constants(constants::Arguments),
 }
 
-pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     match &arguments.command {
         Command::Show(arguments) => show::run(arguments),
         Command::Convert(arguments) => convert::run(arguments),
@@ -44,6 +48,8 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         Command::Interpolate(arguments) => interpolate::run(arguments),
         Command::LeaveOneOut(arguments) => leave_one_out::run(arguments),
         Command::Image(arguments) => image::run(arguments),
+        Command::Constants(arguments) => constants::run(arguments),
+        Command::Headroom(arguments) => headroom::run(arguments, registry),
     }
 }
 
@@ -55,6 +61,18 @@ pub(super) fn load(path: &Path) -> Result<Surface, Failure> {
         }
         _ => Failure::Message(error.to_string()),
     })
+}
+
+/// Reads surface files, and those of folders.
+fn load_all(paths: &[PathBuf]) -> Result<Vec<Surface>, Failure> {
+    let mut surfaces = Vec::new();
+    for path in paths {
+        match path.is_dir() {
+            true => surfaces.extend(select::collect(path)?),
+            false => surfaces.push(load(path)?),
+        }
+    }
+    Ok(surfaces)
 }
 
 /// Checks before the work that an output can be written.

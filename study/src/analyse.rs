@@ -300,7 +300,11 @@ impl Analysis {
     /// # Errors
     /// If the data cannot be read.
     pub fn of(study: &Study, folder: &Folder) -> Result<Self, crate::data::DataError> {
-        let answers = folder.answers()?;
+        Ok(Self::of_answers(study, &folder.answers()?))
+    }
+
+    /// Analyses the answers to trials that count.
+    pub(crate) fn of_answers(study: &Study, answers: &[Row]) -> Self {
         let simulated = answers.iter().any(|row| row.simulated);
         let mut analysis = Self { simulated, ..Self::default() };
         let rows: Vec<&Row> = answers.iter().filter(|row| !row.training).collect();
@@ -334,7 +338,7 @@ impl Analysis {
                 Phase::Practice(_) | Phase::Explore(_) | Phase::Record(_) | Phase::Questions(_) => {}
             }
         }
-        Ok(analysis)
+        analysis
     }
 
     /// Keeps a result, or says why there is none.

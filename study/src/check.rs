@@ -130,6 +130,15 @@ impl Checked {
 
     /// The line of a trial, but for its answer.
     pub fn row(&self, trial: &Trial) -> Row {
+        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
+        let file = rendered.and_then(|of| self.study.surfaces.0[of.surface].1.file.as_ref());
+        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
+        let surface_sha256 = surface_sha256.map_or_else(String::new, |bytes| hash(&bytes));
+        Row { surface_sha256, ..self.row_without_hash(trial) }
+    }
+
+    /// The same without reading the surface.
+    pub(crate) fn row_without_hash(&self, trial: &Trial) -> Row {
         let study = &self.study;
         let surface =
             |of: Option<Stimulus>| of.map_or("", |of| &study.surfaces.0[of.surface].0.text).to_owned();
@@ -144,9 +153,6 @@ impl Checked {
             _ => None,
         };
         let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
-        let rendered = [trial.second, trial.first].into_iter().flatten().find(|of| of.version.is_some());
-        let file = rendered.and_then(|of| study.surfaces.0[of.surface].1.file.as_ref());
-        let surface_sha256 = file.and_then(|file| files::read(file, u64::MAX).ok());
         Row {
             trial: trial.number,
             phase: name.text.clone(),
@@ -158,7 +164,6 @@ impl Checked {
             second_version: version(trial.second),
             second_is_left_or_earlier: trial.is_swapped,
             level: trial.level,
-            surface_sha256: surface_sha256.map_or_else(String::new, |bytes| hash(&bytes)),
             ..Row::default()
         }
     }
@@ -336,6 +341,26 @@ impl Checked {
             true => Err(DataError::NoNumber { code: code.to_owned() }),
             false => Ok(()),
         }
+    }
+
+    /// What the study renders: the phase, the stimulus and the level of the varied parameter, once for the same parameters.
+    pub fn rendered(&self) -> Vec<(usize, Stimulus, Option<f64>)> {
+        let (mut all, mut seen) = (Vec::new(), Vec::new());
+        for trial in (0..self.study.group_count()).flat_map(|group| self.study.trials("1", group)) {
+            let phase = &self.study.phases.0[trial.phase].1;
+            let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
+            for (stimulus, level) in stimuli
+                .flat_map(|stimulus| phase.extreme_levels().into_iter().map(move |level| (stimulus, level)))
+            {
+                let parameters = self.parameters(phase, (Some(stimulus), level));
+                if !seen.contains(&parameters) {
+                    seen.push(parameters);
+                    all.push((trial.phase, stimulus, level));
+                }
+            }
+        }
+        all.sort_by_key(|(phase, of, _)| (*phase, of.surface, of.version));
+        all
     }
 
     /// Seed of the run of a trial: of the study, the participant and the trial alone.
@@ -613,6 +638,17 @@ impl Study {
             }
         }
         all
+    }
+
+    /// How long trials take, s: `trial_s` each, and what the conditions of each virtual stimulus ask for in seconds, one after the other.
+    pub fn duration_s(&self, trials: &[Trial]) -> f64 {
+        let conditions_s = |trial: &Trial| {
+            let gates = self.phases.0[trial.phase].1.gates().into_iter().flat_map(|gates| &gates.0);
+            let of_time = gates.filter(|(_, gate)| gate.quantity == Quantity::TIME);
+            let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
+            of_time.map(|(_, gate)| gate.at_least).sum::<f64>() * stimuli.count().max(1) as f64
+        };
+        trials.iter().map(|trial| self.trial_s + conditions_s(trial)).sum()
     }
 
     /// The surfaces of a phase that lack what it presents of others: a `sample` for the real one, a `file` for the virtual one.

@@ -24,6 +24,8 @@ settings! {
         surface_parameter: String = "surface".to_owned();
         /// Of the orders of all participants, together with their codes.
         seed: u64 = 0;
+        /// Seconds from one answer to the next, without those that conditions ask for: by these `check` says how long a participant takes.
+        trial_s: f64 = 15.0, in 0.0..=3600.0;
         /// Groups of participants, and the size of each.
         groups: Named<u32> = Named::default(), in 1..=10_000;
         /// The surfaces.

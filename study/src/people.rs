@@ -258,15 +258,9 @@ impl Checked {
         while count < most
             && let Some(trial) = next(&self.study, &trials, claim.rows())
         {
-            // The same person again, who answers each trial by its own number.
-            let mut person = Person::new(people, self.study.seed, &code);
-            let seed = self.seed_of(&code, &trial);
-            person.random = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "answer"));
-            let mut row = self.row(&trial);
-            let run = self.run(registry, &trial, longest_s, seed)?;
-            person.answer(self, &trial, &mut row);
+            let run = self.run(registry, &trial, longest_s, self.seed_of(&code, &trial))?;
+            let mut row = self.answered(people, &code, (&trial, self.row(&trial)));
             row.exploration_s = run.seconds;
-            row.response_s = 1.0 + person.uniform();
             if !run.is_open {
                 row.status = Status::Forced;
             }
@@ -274,6 +268,40 @@ impl Checked {
             count += 1;
         }
         Ok(count)
+    }
+
+    /// A row with the answer of a simulated participant: the same person in every trial, who answers each by its own number.
+    fn answered(&self, people: &People, code: &str, (trial, mut row): (&Trial, Row)) -> Row {
+        let mut person = Person::new(people, self.study.seed, code);
+        let seed = stream_seed(self.seed_of(code, trial), "answer");
+        person.random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        person.answer(self, trial, &mut row);
+        row.response_s = 1.0 + person.uniform();
+        row
+    }
+
+    /// The answers to the ratings and comparisons of a whole study, without motion, from people in each group.
+    pub(crate) fn ratings(&self, people: &People, sizes: &[usize]) -> Vec<Row> {
+        let (mut rows, mut codes) = (Vec::new(), codes(sizes.iter().sum()));
+        for (group, size) in sizes.iter().enumerate() {
+            for participant in codes.by_ref().take(*size) {
+                for trial in self.rated(&participant, group) {
+                    let row = self.row_without_hash(&trial);
+                    let row = Row { participant: participant.clone(), simulated: true, ..row };
+                    rows.push(self.answered(people, &participant, (&trial, row)));
+                }
+            }
+        }
+        rows
+    }
+
+    /// The trials of a participant that are ratings or comparisons and are analysed.
+    pub(crate) fn rated(&self, participant: &str, group: usize) -> impl Iterator<Item = Trial> {
+        let is_rated = |trial: &Trial| {
+            let phase = &self.study.phases.0[trial.phase].1;
+            !trial.is_training && matches!(phase, Phase::Rate(_) | Phase::Compare(_))
+        };
+        self.study.trials(participant, group).into_iter().filter(is_rated)
     }
 
     fn run(

@@ -6,9 +6,11 @@ use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{DataError, Folder, Row, Status};
 use haptograph_study::document::Phase;
 use haptograph_study::people::{People, codes as people_codes};
+use haptograph_study::power::EffectPower;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 fn shipped(name: &str) -> Checked {
     let path = Path::new("../graphs/studies").join(name);
@@ -549,4 +551,61 @@ fn a_code_without_a_number_has_no_row_of_a_latin_square() {
     assert!(matches!(latin.check_code("Anna"), Err(DataError::NoNumber { .. })));
     of("order: [Shuffle(Surface)]").check_code("Anna").expect("a code");
     assert!(matches!(latin.check_code("a\nb1"), Err(DataError::Code { .. })));
+}
+
+#[test]
+fn the_power_of_simulated_studies_is_that_of_the_noncentral_f() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 22,
+        surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron", sample: "tray 1"), "vinyl": (file: "GRAPHS/surfaces/t5-vinyl.ron", sample: "tray 2") },
+        versions: { "a": {}, "b": { "gain": 0.5 } },
+        scales: { "s": (ask: "?", from: "a", to: "b") },
+        phases: { "compared": Compare(scale: "s", training: 1) })"#;
+    let study = written(folder.path(), text).expect("valid");
+    let people = people(
+        folder.path(),
+        &study,
+        r#"People(format: 1, noise_sd: 0.1, bias_sd: 0.05, values: { "s": { "tile, b": 0.1 } })"#,
+    );
+    let sizes = [vec![8], vec![15]];
+    let stop = AtomicBool::new(false);
+    let found = study.power(&people, (&sizes, 1_000), &|_| (), &stop).expect("simulated");
+    let again = || study.power(&people, (&sizes, 20), &|_| (), &stop).expect("simulated");
+    assert_eq!(again(), again());
+    let of = |surface: &str, term: &str| {
+        let is_it =
+            |row: &&EffectPower| (&*row.of, &*row.test, &*row.term) == (surface, "repeated measures", term);
+        &found.iter().find(is_it).expect("an effect").shares
+    };
+    // R 4.2.2: 1 - pf(qf(0.95, 1, n - 1), 1, n - 1, ncp = n * 0.1^2 / (2 * 0.1^2)) for n = 8 and 15; 5 % without an effect.
+    for (surface, powers) in [("tile", [0.408_033_1, 0.721_523_9]), ("vinyl", [0.05, 0.05])] {
+        for term in ["version", "a to b"] {
+            for (share, power) in of(surface, term).iter().zip(powers) {
+                assert!(share.low < power && power < share.high, "{surface}, {term}: {share:?}, {power}");
+            }
+        }
+    }
+    let refused = |sizes: &[Vec<usize>], repeat| match study.power(&people, (sizes, repeat), &|_| (), &stop) {
+        Err(StudyError::Run(message)) => message,
+        other => panic!("{other:?}"),
+    };
+    assert!(refused(&[vec![10_000]], 10_000).contains("lower --people or --repeat"));
+    assert!(refused(&[vec![1_000_000]], 1).contains("lower --people"));
+    assert!(refused(&[vec![1]], 3).contains("so few people"));
+    stop.store(true, Ordering::Relaxed);
+    assert!(refused(&sizes, 10).contains("stopped"));
+}
+
+#[test]
+fn a_study_takes_its_trials_and_what_their_conditions_ask_for() {
+    let minutes = |study: &Checked, group| study.study.duration_s(&study.study.trials("1", group)) / 60.0;
+    // 33 trials of 15 s, 24 of them with four conditions of 5 s.
+    let study = shipped("responsiveness.ron");
+    assert_eq!(minutes(&study, 0), (33.0 * 15.0 + 24.0 * 20.0) / 60.0);
+    assert_eq!(study.rendered().len(), 6 * 4);
+    // A distance and taps have no time of their own.
+    let study = shipped("components.ron");
+    assert_eq!(minutes(&study, 0), 48.0 * 15.0 / 60.0);
+    // Group 2 rates what group 1 compares.
+    assert_eq!(study.rendered().len(), 6 * 4);
 }

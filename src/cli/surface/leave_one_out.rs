@@ -1,14 +1,14 @@
 //! `haptograph surface leave-one-out`: compares the accuracy of kinds of maps between and beyond measured
 //! models.
 
-use super::{Failure, load, select};
+use super::{Failure, load_all};
 use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::table;
 use crate::learning::evaluate::holdout::Mean;
 use crate::learning::evaluate::leave_one_out::{FAR, PowerExponents};
 use crate::learning::evaluate::{LeaveOneOut, MapKind, Prediction, Summary, leave_one_out};
-use crate::surfaces::{Surface, TextureModel};
+use crate::surfaces::TextureModel;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -36,14 +36,7 @@ const FADE: &str = "The law is what a surface renders: models on a grid, interpo
      known force, 0.9 N at most. Without fade it is what was fitted.";
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut surfaces: Vec<Surface> = vec![];
-    for path in &arguments.paths {
-        if path.is_dir() {
-            surfaces.extend(select::collect(path)?);
-        } else {
-            surfaces.push(load(path)?);
-        }
-    }
+    let surfaces = load_all(&arguments.paths)?;
     let textures: Vec<&TextureModel> = surfaces.iter().filter_map(|one| one.texture.as_ref()).collect();
     let progress = Progress::of("leaving out");
     let found = leave_one_out(&textures, &|part| progress.at(part))

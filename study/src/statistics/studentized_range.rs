@@ -1,6 +1,8 @@
 //! The studentized range: the range of the means of equal groups over their standard error, on which Tukey's test rests.
 
 use super::distributions::{chi_nodes, falling_root_from_zero, normal_cdf};
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// Range of normal deviates above which the probability is below 1e-300.
@@ -23,8 +25,26 @@ pub fn survival(q: f64, groups: usize, df: f64) -> f64 {
     chi_nodes(df).iter().map(|(s, weight)| weight * range_survival(q * s, groups)).sum::<f64>().min(1.0)
 }
 
+/// Number of quantiles that a thread remembers.
+const REMEMBERED: usize = 100;
+
+thread_local! {
+    /// Quantiles by `alpha`, groups and degrees of freedom: each takes a search, and simulated studies need few over and over.
+    static QUANTILES: RefCell<BTreeMap<(u64, usize, u64), f64>> = const { RefCell::new(BTreeMap::new()) };
+}
+
 /// The q with P(Q >= q) = `alpha`. NaN unless `alpha` lies between 0 and 1 and the rest is as in [`survival`].
 pub fn quantile(alpha: f64, groups: usize, df: f64) -> f64 {
+    let key = (alpha.to_bits(), groups, df.to_bits());
+    QUANTILES.with_borrow_mut(|known| {
+        if known.len() >= REMEMBERED {
+            known.clear();
+        }
+        *known.entry(key).or_insert_with(|| find_quantile(alpha, groups, df))
+    })
+}
+
+fn find_quantile(alpha: f64, groups: usize, df: f64) -> f64 {
     let gap = |q: f64| (survival(q, groups, df) / alpha).ln();
     if !(alpha > 0.0 && alpha < 1.0) || gap(1.0).is_nan() {
         return f64::NAN;

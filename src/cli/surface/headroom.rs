@@ -1,0 +1,421 @@
+//! `haptograph surface headroom`: how often the limits of a graph's actuators act on surfaces, and the gain at which they rarely do.
+
+use crate::cli::progress::Progress;
+use crate::cli::result::{CommandResult, show};
+use crate::cli::table::{significant, table};
+use crate::cli::{Failure, GraphArguments, interrupt};
+use crate::engine::document::{Document, LoadOptions};
+use crate::engine::graph::{CheckOptions, Graph, check};
+use crate::engine::limiter::ClipCounts;
+use crate::engine::registry::Registry;
+use crate::engine::run::{ActuatorReport, Player, SessionOptions};
+use crate::signal::parallel;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Show how often the limits of the actuators act on surfaces, and the gain at which they rarely do
+///
+/// Runs the graph with each surface and its simulated hands, and counts the ticks in which a limit reduced what an actuator was asked
+/// for. All surfaces have one gain, so that their amplitudes keep their ratios. Where the hands do not go, nothing is known.
+#[derive(Debug, clap::Args)]
+pub(in crate::cli) struct Arguments {
+    /// The graph file
+    #[arg(value_name = "GRAPH.ron")]
+    graph: PathBuf,
+    /// Surface files
+    #[arg(required = true, value_name = "SURFACE.ron")]
+    surfaces: Vec<PathBuf>,
+    /// Override a parameter of the graph; can be repeated
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = crate::cli::assignment)]
+    set: Vec<(String, String)>,
+    /// The graph's parameter that takes the file of a surface
+    #[arg(long, value_name = "NAME", default_value = "surface")]
+    parameter: String,
+    /// The graph's parameter that scales what the actuators are asked for; default: `gain`, if the graph has it
+    #[arg(long, value_name = "NAME")]
+    gain: Option<String>,
+    /// Largest share of ticks of a surface in which a limit may act, %
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0, value_parser = percent)]
+    most: f64,
+    /// Duration of each run, in its own time
+    #[arg(long = "for", value_name = "SECONDS", default_value_t = SECONDS, value_parser = crate::cli::run::seconds)]
+    duration_s: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    crate::cli::import::number(text, 0.0..=100.0, "give a share from 0 to 100 %")
+}
+
+/// Default duration of a run, s: twice the usual window of a continuous limit.
+pub(in crate::cli) const SECONDS: f64 = 20.0;
+/// Length of the parts in which ticks are counted, s.
+const PART_S: f64 = 0.01;
+/// Force, N, and speed, m/s, of a cell in which parts are counted together.
+const CELL: [f64; 2] = [0.5, 0.05];
+/// Parts below which a cell says nothing.
+const FEWEST_PARTS: u64 = 10;
+/// Smallest and largest factor of a gain, and the precision of the search.
+const FACTORS: [f64; 2] = [1.0 / 64.0, 16.0];
+const PRECISION: f64 = 1.01;
+
+/// What the limits of an actuator did in a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(in crate::cli) struct Headroom {
+    pub actuator: String,
+    /// Shares of ticks in which each limit acted.
+    pub continuous: f64,
+    /// Largest request over the peak limit.
+    pub largest_over_peak: f64,
+    pub peak: f64,
+    /// The largest of the three shares.
+    pub share: f64,
+    pub slew: f64,
+    /// Where a limit acts most; nowhere if none does or the graph has no force and speed.
+    pub worst: Option<Worst>,
+}
+
+/// A force and a speed, and the share of ticks there in which a limit acts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(in crate::cli) struct Worst {
+    pub force_n: f64,
+    pub share: f64,
+    pub speed_mm_s: f64,
+}
+
+/// Parts of a run with nearly the same force and speed.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    parts: u64,
+    ticks: u64,
+    limited: u64,
+    /// Sums of force and speed.
+    sums: [f64; 2],
+}
+
+/// Ticks of which a limit reduced the request: some may be counted by two limits.
+fn limited(counts: ClipCounts) -> u64 {
+    counts.peak.max(counts.continuous).max(counts.slew)
+}
+
+/// The outputs that give a graph's texture the force and the speed of the hand, if it has both.
+fn force_and_speed(graph: &Graph) -> Option<[String; 2]> {
+    let nodes = graph.nodes();
+    nodes.ids().find_map(|id| {
+        let source = |wanted: &str| {
+            let incoming = nodes.incoming(id).into_iter();
+            let of = incoming.into_iter().find(|of| nodes[id].inputs[of.edge.input].name == wanted)?;
+            let from = &nodes[of.from];
+            Some(format!("{}.{}", from.path, from.outputs[of.edge.output].name))
+        };
+        Some([source("force")?, source("speed")?])
+    })
+}
+
+/// Runs a graph offline and reads from the run what the limits of its actuators did.
+pub(in crate::cli) fn headroom_of(
+    graph: &Graph,
+    duration_s: f64,
+    stop: &AtomicBool,
+) -> Result<Vec<Headroom>, Failure> {
+    let mut options = SessionOptions::default().rested();
+    options.offline = true;
+    options.probes = force_and_speed(graph).into_iter().flatten().collect();
+    let (mut player, mut session) = Player::open(graph, &options).map_err(Failure::message)?;
+    let ports = options.probes.iter().map(|name| session.any_probe(name));
+    let mut ports = ports.collect::<Result<Vec<_>, _>>().map_err(Failure::message)?;
+    let rate_hz = graph.drivers().first().map_or(1.0, |driver| graph.clocks()[*driver].rate.hz());
+    let (step, frames) = ((rate_hz * PART_S).max(1.0) as usize, (duration_s * rate_hz) as u64);
+    let mut cells = vec![BTreeMap::<[i64; 2], Cell>::new(); player.actuators().count()];
+    let (mut place, mut before) = ([0.0; 2], vec![ClipCounts::default(); cells.len()]);
+    while player.frames() < frames && !stop.load(Ordering::Relaxed) {
+        player.process(step);
+        session.poll();
+        for (value, port) in place.iter_mut().zip(&mut ports) {
+            while port.take(std::slice::from_mut(value)) {}
+        }
+        for ((cells, before), actuator) in cells.iter_mut().zip(&mut before).zip(player.actuators()) {
+            let key = [0, 1].map(|axis| (place[axis] / CELL[axis]).floor() as i64);
+            let (cell, now) = (cells.entry(key).or_default(), actuator.clipped);
+            cell.parts += 1;
+            cell.ticks += now.ticks - before.ticks;
+            // Each limit by itself: the largest may be another one in each part.
+            let own = |of: fn(&ClipCounts) -> u64| of(&now) - of(before);
+            cell.limited += own(|of| of.peak).max(own(|of| of.continuous)).max(own(|of| of.slew));
+            cell.sums = [0, 1].map(|axis| cell.sums[axis] + place[axis]);
+            *before = now;
+        }
+    }
+    if stop.load(Ordering::Relaxed) {
+        return Err(Failure::Interrupted);
+    }
+    let of = |(actuator, cells): (ActuatorReport, &BTreeMap<_, Cell>)| {
+        Headroom::new(&actuator, cells.values().filter(|_| !ports.is_empty()))
+    };
+    Ok(player.actuators().zip(&cells).map(of).collect())
+}
+
+impl Headroom {
+    fn new<'c>(actuator: &ActuatorReport, cells: impl Iterator<Item = &'c Cell>) -> Self {
+        let counts = actuator.clipped;
+        let share = |of: u64, ticks: u64| of as f64 / ticks.max(1) as f64;
+        let worst = cells.filter(|cell| cell.parts >= FEWEST_PARTS && cell.limited > 0).map(|cell| {
+            let [force_n, speed_m_s] = cell.sums.map(|sum| sum / cell.parts as f64);
+            Worst { force_n, share: share(cell.limited, cell.ticks), speed_mm_s: 1000.0 * speed_m_s }
+        });
+        Self {
+            actuator: actuator.path.clone(),
+            continuous: share(counts.continuous, counts.ticks),
+            largest_over_peak: actuator.largest_request / actuator.limit.peak,
+            peak: share(counts.peak, counts.ticks),
+            share: share(limited(counts), counts.ticks),
+            slew: share(counts.slew, counts.ticks),
+            worst: worst.max_by(|a, b| a.share.total_cmp(&b.share)),
+        }
+    }
+
+    /// A row of a table, without what was run.
+    pub(in crate::cli) fn row(&self) -> Vec<String> {
+        let percent = |share: f64| significant(100.0 * share, 3);
+        let worst = self.worst.map_or_else(String::new, |at| {
+            let (force, speed) = (significant(at.force_n, 3), significant(at.speed_mm_s, 3));
+            format!("{force} N, {speed} mm/s: {} %", percent(at.share))
+        });
+        let shares = [self.share, self.peak, self.continuous, self.slew].map(percent);
+        [vec![self.actuator.clone()], shares.to_vec(), vec![significant(self.largest_over_peak, 3), worst]]
+            .concat()
+    }
+}
+
+/// Header of such rows.
+pub(in crate::cli) const HEADER: [&str; 7] =
+    ["actuator", "limited %", "peak %", "continuous %", "slew %", "largest / peak", "worst at"];
+
+/// The largest share of the actuators of a run.
+fn worst_of(actuators: &[Headroom]) -> f64 {
+    actuators.iter().map(|one| one.share).fold(0.0, f64::max)
+}
+
+/// What is run: the graph, its parameters, its surfaces.
+struct Runs<'a> {
+    document: &'a Document,
+    arguments: &'a Arguments,
+    registry: &'a Registry,
+    /// The parameter of the gain and its value.
+    gain: Option<(&'a str, f64)>,
+    stop: &'a AtomicBool,
+}
+
+impl Runs<'_> {
+    /// The headroom of a surface with the gain times a factor.
+    fn of(&self, surface: &Path, factor: f64) -> Result<Vec<Headroom>, Failure> {
+        let mut options = CheckOptions::default();
+        options.set.clone_from(&self.arguments.set);
+        options.set_as = "--set";
+        let file = std::path::absolute(surface).map_err(Failure::doing("find", surface))?;
+        let mut set = vec![(self.arguments.parameter.as_str(), file.display().to_string())];
+        set.extend(self.gain.map(|(name, value)| (name, (value * factor).to_string())));
+        options.set.retain(|(known, _)| set.iter().all(|(name, _)| name != known));
+        options.set.extend(set.into_iter().map(|(name, value)| (name.to_owned(), value)));
+        let graph = check(self.document, self.registry, &options).map_err(Failure::Graph)?;
+        headroom_of(&graph, self.arguments.duration_s, self.stop)
+    }
+
+    /// The headroom of all surfaces.
+    fn all(&self, factor: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Vec<Vec<Headroom>>, Failure> {
+        let surfaces = self.arguments.surfaces.iter();
+        parallel::try_map(parallel::cores(), surfaces, progress, |surface| self.of(surface, factor))
+    }
+
+    /// The largest factor of the gain within [`FACTORS`] at which no surface is limited in more ticks than allowed; `None` if the
+    /// smallest one does not suffice. `share` is that of the gain as it is.
+    fn factor(&self, share: f64) -> Result<Option<f64>, Failure> {
+        let _progress = Progress::unknown("scaling");
+        let is_within = |factor: f64| {
+            let all = self.all(factor, &|_| ())?;
+            Ok::<_, Failure>(all.iter().all(|one| worst_of(one) <= self.most()))
+        };
+        let [smallest, largest] = FACTORS;
+        let (mut low, mut high) = (1.0, 1.0);
+        if share <= self.most() {
+            while low == high {
+                high *= 2.0;
+                if high > largest {
+                    return Ok(Some(largest));
+                }
+                low = if is_within(high)? { high } else { low };
+            }
+        } else {
+            while low == high {
+                low /= 2.0;
+                if low < smallest {
+                    return Ok(None);
+                }
+                high = if is_within(low)? { high } else { low };
+            }
+        }
+        while high / low > PRECISION {
+            let middle = (low * high).sqrt();
+            *(if is_within(middle)? { &mut low } else { &mut high }) = middle;
+        }
+        Ok(Some(low))
+    }
+
+    fn most(&self) -> f64 {
+        self.arguments.most / 100.0
+    }
+}
+
+pub(in crate::cli) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    let graph =
+        GraphArguments { graph: arguments.graph.clone(), set: arguments.set.clone(), endpoints: None };
+    graph.refuse_repeated()?;
+    let document = Document::load(&arguments.graph, &LoadOptions::default()).map_err(Failure::Graph)?;
+    let gain = gain(arguments, &document)?;
+    let stop = interrupt::flag()?;
+    let runs = Runs { document: &document, arguments, registry, gain, stop: &stop };
+    let progress = Progress::of("running");
+    let all = runs.all(1.0, &|part| progress.at(part))?;
+    drop(progress);
+    let share = all.iter().map(|one| worst_of(one)).fold(0.0, f64::max);
+    let gain = match gain {
+        None => None,
+        Some((parameter, value)) => {
+            let factor = runs.factor(share)?;
+            let (parameter, scaled) = (parameter.to_owned(), factor.map(|factor| factor * value));
+            Some(Gain { factor, parameter, scaled, value })
+        }
+    };
+    let surfaces = arguments.surfaces.iter().zip(all);
+    let surfaces = surfaces.map(|(surface, actuators)| OfSurface { actuators, surface: surface.clone() });
+    let (most_percent, seconds) = (arguments.most, arguments.duration_s);
+    show(&Shown { gain, most_percent, seconds, surfaces: surfaces.collect() }, arguments.json)
+}
+
+/// The parameter that scales what the actuators are asked for, and its value.
+fn gain<'a>(arguments: &'a Arguments, document: &'a Document) -> Result<Option<(&'a str, f64)>, Failure> {
+    let name = arguments.gain.as_deref().unwrap_or("gain");
+    let set = arguments.set.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    let Some((_, value)) = set.chain(document.parameters()).find(|(known, _)| *known == name) else {
+        let missing = || Failure::Message(format!("the graph has no parameter `{name}`"));
+        return arguments.gain.as_ref().map_or(Ok(None), |_| Err(missing()));
+    };
+    match value.trim().parse() {
+        Ok(number) if number != 0.0 => Ok(Some((name, number))),
+        _ => Err(Failure::Message(format!("parameter `{name}` is {value}, which no factor can scale"))),
+    }
+}
+
+/// The headroom of a set of surfaces.
+#[derive(Serialize)]
+struct Shown {
+    gain: Option<Gain>,
+    most_percent: f64,
+    seconds: f64,
+    surfaces: Vec<OfSurface>,
+}
+
+/// One gain for the whole set.
+#[derive(Serialize)]
+struct Gain {
+    /// None if limits act more often than allowed at any.
+    factor: Option<f64>,
+    parameter: String,
+    scaled: Option<f64>,
+    /// As it is.
+    value: f64,
+}
+
+#[derive(Serialize)]
+struct OfSurface {
+    actuators: Vec<Headroom>,
+    surface: PathBuf,
+}
+
+impl CommandResult for Shown {
+    fn text(&self) -> String {
+        let rows = self.surfaces.iter().flat_map(|of| {
+            let name = of.surface.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            of.actuators.iter().map(move |one| [vec![name.clone()], one.row()].concat())
+        });
+        let header = [&["surface"], &HEADER[..]].concat();
+        let table = table(&header, &rows.collect::<Vec<_>>());
+        let (seconds, most) = (self.seconds, self.most_percent);
+        let text =
+            format!("ticks in which a limit acts, in {seconds} s of the graph's simulated hands\n{table}");
+        let Some(Gain { factor, parameter, scaled, value }) = &self.gain else {
+            return text + "the graph has no parameter `gain`; name another by --gain\n";
+        };
+        let scaled = match (factor, scaled) {
+            (Some(factor), Some(scaled)) => {
+                let more = if *factor >= FACTORS[1] { " or more" } else { "" };
+                let (factor, scaled) = (significant(*factor, 3), significant(*scaled, 3));
+                format!(
+                    "`{parameter}` {scaled}{more}, {factor} times its {value}, limits no surface in more than {most} % of ticks"
+                )
+            }
+            _ => format!(
+                "no `{parameter}` down to a 64th of its {value} limits every surface in at most {most} % of ticks"
+            ),
+        };
+        format!("{text}{scaled}\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sine of amplitude 1 A, times `gain`, at a peak limit of 0.5 A.
+    const SINE: &str = r#"Graph(format: 1, parameters: { "surface": "", "gain": 1.0 },
+        clocks: { "audio": Driver(rate_hz: 48000) },
+        nodes: {
+            "tone": Sine(clock: "audio", frequency_hz: 97.0, quantity: "current"),
+            "out": ActuatorSink(endpoint: "coil", current: "tone", gain: Param("gain"),
+                limit: (peak_a: 0.5, continuous_a: 0.5, window_s: 10)),
+        },
+        endpoints: { "simulated": { "coil": SimulatedHaptuator() } })"#;
+
+    #[test]
+    fn a_sine_above_a_limit_has_the_share_of_an_arc() {
+        let registry = crate::nodes::registry();
+        let document = Document::parse("sine.ron", SINE).unwrap();
+        let arguments = Arguments {
+            graph: "sine.ron".into(),
+            surfaces: vec!["a.ron".into(), "b.ron".into()],
+            set: Vec::new(),
+            parameter: "surface".to_owned(),
+            gain: None,
+            most: 1.0,
+            duration_s: 2.0,
+            json: false,
+        };
+        let stop = AtomicBool::new(false);
+        let gain = gain(&arguments, &document).unwrap();
+        assert_eq!(gain, Some(("gain", 1.0)));
+        let runs =
+            Runs { document: &document, arguments: &arguments, registry: &registry, gain, stop: &stop };
+        let all = runs.all(1.0, &|_| ()).unwrap();
+        let [one] = &all[0][..] else { panic!("{all:?}") };
+        // |sin| > 1/2 for two thirds of a turn.
+        assert!((one.share - 2.0 / 3.0).abs() < 1e-3 && one.share == one.peak, "{one:?}");
+        assert!((one.largest_over_peak - 2.0).abs() < 1e-3 && one.worst.is_none(), "{one:?}");
+        // 1 % of a turn is above cos(0.005 pi) of the amplitude: half the gain, within the precision of the search.
+        let factor = runs.factor(one.share).unwrap().unwrap();
+        let limit = 0.5 / (0.005 * std::f64::consts::PI).cos();
+        assert!(factor <= limit + 1e-6 && factor > limit / PRECISION, "{factor} {limit}");
+        // From below the same.
+        let quiet = Runs { gain: Some(("gain", 0.1)), ..runs };
+        let factor = quiet.factor(quiet.of(Path::new("a.ron"), 1.0).unwrap()[0].share).unwrap().unwrap();
+        assert!(factor <= 10.0 * limit + 1e-5 && factor > 10.0 * limit / PRECISION, "{factor}");
+        assert_eq!(Runs { gain: Some(("gain", 1e-3)), ..quiet }.factor(0.0).unwrap(), Some(FACTORS[1]));
+        stop.store(true, Ordering::Relaxed);
+        let stopped =
+            Runs { document: &document, arguments: &arguments, registry: &registry, gain, stop: &stop };
+        assert!(matches!(stopped.all(1.0, &|_| ()), Err(Failure::Interrupted)));
+    }
+}

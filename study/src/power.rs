@@ -1,0 +1,141 @@
+//! The power of a study: how often its analysis finds each effect in whole studies of people who do not exist.
+
+use crate::analyse::Analysis;
+use crate::check::{Checked, StudyError};
+use crate::people::People;
+use haptograph_signal::noise::stream_seed;
+use haptograph_signal::parallel;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// An effect counts as found below this p.
+const ALPHA: f64 = 0.05;
+/// Largest number of answers of all simulated studies together, and of one.
+const MOST_ANSWERS: [usize; 2] = [50_000_000, 100_000];
+/// The normal deviate of an interval of 95 %.
+const Z: f64 = 1.959_963_984_540_054;
+
+/// An effect, and how often it was found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectPower {
+    /// The phase.
+    pub phase: String,
+    /// The scale of ratings; the surface of comparisons.
+    pub of: String,
+    /// The test.
+    pub test: String,
+    /// The term of a variance, or two versions.
+    pub term: String,
+    /// For each number of people.
+    pub shares: Vec<Share>,
+}
+
+/// A share of simulated studies, with its 95 % interval (Wilson 1927).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct Share {
+    pub found: usize,
+    pub share: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Share {
+    /// Of so many.
+    pub fn of(found: usize, all: usize) -> Self {
+        let (n, share) = (all as f64, found as f64 / all as f64);
+        let shrink = 1.0 + Z * Z / n;
+        let middle = (share + Z * Z / (2.0 * n)) / shrink;
+        let half = Z / shrink * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
+        Self { found, share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
+    }
+}
+
+/// The numbers of the phase and the kind of table, by which effects are sorted; then phase, scale or surface, test and term.
+type Effect = (usize, u8, [String; 4]);
+
+/// The effects of an analysis, with their p. Repeated measures have Greenhouse and Geisser's.
+fn effects(study: &Checked, analysis: &Analysis) -> Vec<(Effect, f64)> {
+    let number = |phase: &str| study.study.phases.find(phase).unwrap_or(0);
+    let of = |table, names: [&str; 4], p| ((number(names[0]), table, names.map(str::to_owned)), p);
+    let variance = analysis.variance.iter().map(|row| {
+        of(0, [&row.phase, &row.of, row.test, row.term], row.p_greenhouse_geisser.unwrap_or(row.p))
+    });
+    let compared = analysis.comparisons.iter().map(|row| {
+        let term = format!("{} to {}", row.from, row.to);
+        of(1, [&row.phase, &row.surface, row.test, &term], row.p)
+    });
+    variance.chain(compared).collect()
+}
+
+impl Checked {
+    /// Simulates whole studies without motion, `repeat` for each of `sizes` (people in each group), and counts how often the
+    /// analysis finds each effect at p < 0.05. Where a test cannot be computed, it finds nothing. The seed of a study follows from
+    /// this study's and the number of the repetition, so that a larger study begins with the people of a smaller one.
+    ///
+    /// # Errors
+    /// If nothing is rated, if there are too many answers, or if `stop` is set meanwhile.
+    pub fn power(
+        &self,
+        people: &People,
+        (sizes, repeat): (&[Vec<usize>], usize),
+        progress: &(dyn Fn(f64) + Sync),
+        stop: &AtomicBool,
+    ) -> Result<Vec<EffectPower>, StudyError> {
+        self.check_size(sizes, repeat)?;
+        let counts = Mutex::new(BTreeMap::<Effect, Vec<usize>>::new());
+        let studies = (0..repeat * sizes.len()).map(|at| (at / sizes.len(), at % sizes.len()));
+        let studies: Vec<(usize, usize)> = studies.collect();
+        parallel::try_map(parallel::cores(), studies, progress, |(repetition, size)| {
+            if stop.load(Ordering::Relaxed) {
+                return Err(StudyError::Run("the simulation was stopped".to_owned()));
+            }
+            let mut one = self.clone();
+            one.study.seed = stream_seed(self.study.seed, &format!("study {repetition}"));
+            let analysis = Analysis::of_answers(&one.study, &one.ratings(people, &sizes[size]));
+            let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
+            for (effect, p) in effects(self, &analysis) {
+                let found = counts.entry(effect).or_insert_with(|| vec![0; sizes.len()]);
+                found[size] += usize::from(p < ALPHA);
+            }
+            Ok(())
+        })?;
+        let counts = counts.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if counts.is_empty() {
+            let message = "no test can be computed of so few people or stimuli: give more";
+            return Err(StudyError::Run(message.to_owned()));
+        }
+        let effect = |((.., names), found): (Effect, Vec<usize>)| {
+            let [phase, of, test, term] = names;
+            let shares = found.into_iter().map(|found| Share::of(found, repeat)).collect();
+            EffectPower { phase, of, test, term, shares }
+        };
+        Ok(counts.into_iter().map(effect).collect())
+    }
+
+    /// Refuses a study without ratings, and more answers than can be computed in reasonable time.
+    fn check_size(&self, sizes: &[Vec<usize>], repeat: usize) -> Result<(), StudyError> {
+        let rated: Vec<usize> =
+            (0..self.study.group_count()).map(|group| self.rated("1", group).count()).collect();
+        if rated.iter().sum::<usize>() == 0 {
+            let message = "no phase of the study is `Rate` or `Compare`: there is no test whose power could be simulated";
+            return Err(StudyError::Run(message.to_owned()));
+        }
+        let answers = |(people, rated): (&usize, &usize)| people.saturating_mul(*rated);
+        let of_size: Vec<usize> =
+            sizes.iter().map(|sizes| sizes.iter().zip(&rated).map(answers).sum()).collect();
+        let (one, all) = (of_size.iter().max(), of_size.iter().sum::<usize>().saturating_mul(repeat));
+        let [most, most_of_one] = MOST_ANSWERS;
+        match one {
+            Some(one) if *one > most_of_one => Err(StudyError::Run(format!(
+                "a study of {one} answers is too large to simulate; at most {most_of_one} are possible: lower --people"
+            ))),
+            _ if all > most => Err(StudyError::Run(format!(
+                "these are {all} answers; at most {most} are possible: lower --people or --repeat"
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
