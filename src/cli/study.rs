@@ -1,5 +1,6 @@
 //! `haptograph study`: studies with people.
 
+mod page;
 mod run;
 
 use super::interrupt;
@@ -86,8 +87,8 @@ enum Command {
     /// Compute the statistics that the phases ask for
     ///
     /// Two tests stand side by side: as in the thesis, with participants as replicates, and with repeated measures, each participant
-    /// against themselves. On centred ratings the first finds a difference in 11.7 % of studies without one, at a nominal 5 %. Tables go into
-    /// `analysis` in the folder.
+    /// against themselves. On centred ratings the first finds a difference in 11.7 % of studies without one, at a nominal 5 %. Tables, a page
+    /// of figures (`analysis.html`) go into `analysis` in the folder.
     Analyse {
         /// The folder of the study's data
         #[arg(value_name = "DIR")]
@@ -166,6 +167,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
             let analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
             let output = folder.path().join("analysis");
             let tables = RunFolder::beside(&output)?;
+            tables.write("analysis.html", &page::page(&study, &analysis))?;
             for (name, table) in analysis.tables().map_err(Failure::message)? {
                 tables.write(name, &table)?;
             }

@@ -557,7 +557,9 @@ impl Folder {
         let left =
             ["trials.interrupted", "measures.interrupted", "notes.interrupted"].map(|name| self.table(name));
         let computed = files::list(&self.path.join("analysis"));
-        let computed = computed.into_iter().filter(|file| file.extension().is_some_and(|of| of == "csv"));
+        let computed = computed
+            .into_iter()
+            .filter(|file| file.extension().is_some_and(|of| of == "csv" || of == "html"));
         for file in computed.chain(left) {
             unless_missing(fs::remove_file(&file), &file)?;
         }

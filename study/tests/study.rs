@@ -296,7 +296,13 @@ fn a_participant_who_withdraws_leaves_one_line() {
         let signals = folder.path().join("signals").join(code).join("1");
         fs::create_dir_all(&signals).expect("made");
     }
+    let analysis = folder.path().join("analysis");
+    fs::create_dir_all(&analysis).expect("made");
+    ["means.csv", "analysis.html"]
+        .iter()
+        .for_each(|name| fs::write(analysis.join(name), "S1").expect("written"));
     data.remove("S1").expect("removed");
+    assert_eq!(fs::read_dir(&analysis).expect("a folder").count(), 0);
     assert_eq!(data.rows().expect("rows").len(), 1);
     assert!(!folder.path().join("signals/S1").exists() && folder.path().join("signals/S2").exists());
     let tables = ["trials.csv", "measures.csv"].map(|name| fs::read_to_string(folder.path().join(name)));
@@ -354,6 +360,11 @@ fn the_analysis_finds_what_simulated_people_prefer() {
         analysis.means.iter().find(|row| row.surface == "silk" && row.version == "phi").expect("a mean");
     assert!((silk.mean - 0.3).abs() < 0.1, "{}", silk.mean);
     assert_eq!(silk.people, 15);
+    let (low, high) = (silk.low.expect("an end"), silk.high.expect("an end"));
+    // t of 14 degrees of freedom: 2.1448.
+    assert!((high - low - 2.0 * 2.144_787 * silk.sd / 15_f64.sqrt()).abs() < 1e-6, "{low} {high}");
+    assert_eq!(analysis.marks("similarity", "silk", ["phi", "FS"]), "*†");
+    assert_eq!(analysis.marks("similarity", "silk", ["F", "FS"]), "");
     let p = |surface: &str, test: &str| {
         let row = analysis.variance.iter().find(|row| row.of == surface && row.test == test).expect("a row");
         assert_eq!(row.df, 3.0);
@@ -418,6 +429,10 @@ fn a_staircase_of_simulated_people_gives_their_threshold_back() {
     // Half of the differences of 0.1 are known: 75 % right, the middle of the function.
     for row in all {
         assert!((row.threshold - 0.1).abs() < 0.025, "{}: {}", row.phase, row.threshold);
+        let answers = analysis.levels.iter().filter(|of| of.phase == row.phase && of.participant.is_empty());
+        assert_eq!(answers.map(|of| of.trials).sum::<u32>(), row.trials);
+        // Half of what is left between guesses and lapses.
+        assert!((row.at(row.threshold) - (0.75 - row.lapse / 2.0)).abs() < 1e-12);
     }
 }
 
@@ -518,6 +533,7 @@ fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
         from.relations[0].value,
         to.relations[0].value
     );
+    assert_eq!(from.merges.len(), 4, "a tree of five");
     assert!(from.scree.iter().zip(&to.scree).all(|(a, b)| near(a.stress, b.stress)));
 }
 
