@@ -88,7 +88,7 @@ enum Command {
     ///
     /// Two tests stand side by side: as in the thesis, with participants as replicates, and with repeated measures, each participant
     /// against themselves. On centred ratings the first finds a difference in 11.7 % of studies without one, at a nominal 5 %. Tables, a page
-    /// of figures (`analysis.html`) go into `analysis` in the folder.
+    /// of figures (`analysis.html`) and a script that repeats the tests in R (`analysis.R`) go into `analysis` in the folder.
     Analyse {
         /// The folder of the study's data
         #[arg(value_name = "DIR")]
@@ -168,6 +168,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
             let output = folder.path().join("analysis");
             let tables = RunFolder::beside(&output)?;
             tables.write("analysis.html", &page::page(&study, &analysis))?;
+            tables.write("analysis.R", &study.r_script())?;
             for (name, table) in analysis.tables().map_err(Failure::message)? {
                 tables.write(name, &table)?;
             }

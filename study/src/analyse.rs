@@ -1,6 +1,8 @@
 //! The analysis that a study's phases ask for, with two tests side by side: as in the thesis, with participants as replicates, and
 //! with repeated measures, each participant against themselves.
 
+mod script;
+
 use crate::data::{Folder, Row, lines};
 use crate::document::{End, Phase, Study};
 use crate::statistics::anova::{self, Term, centred_by_person, columns};

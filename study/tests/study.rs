@@ -9,6 +9,7 @@ use haptograph_study::people::{People, codes as people_codes};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 fn shipped(name: &str) -> Checked {
     let path = Path::new("../graphs/studies").join(name);
@@ -565,4 +566,120 @@ fn a_code_without_a_number_has_no_row_of_a_latin_square() {
     assert!(matches!(latin.check_code("Anna"), Err(DataError::NoNumber { .. })));
     of("order: [Shuffle(Surface)]").check_code("Anna").expect("a code");
     assert!(matches!(latin.check_code("a\nb1"), Err(DataError::Code { .. })));
+}
+
+type Table = BTreeMap<String, BTreeMap<String, f64>>;
+
+/// The numbers of a CSV table by the words of their lines, without the columns that the script does not have.
+fn numbers(text: &str) -> Table {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let names = reader.headers().expect("a header").clone();
+    let mut table = Table::new();
+    for line in reader.records() {
+        let line = line.expect("a line");
+        let cells = || names.iter().zip(line.iter()).filter(|(name, _)| *name != "simulated");
+        let words = ["phase", "test", "of", "term", "surface", "from", "to", "kind", "with"];
+        // A correlation is that of its scales in any order.
+        let mut key: Vec<&str> =
+            cells().filter(|(name, _)| words.contains(name)).map(|(_, cell)| cell).collect();
+        key.sort_unstable();
+        let number = |(name, cell): (&str, &str)| Some((name.to_owned(), cell.parse().ok()?));
+        assert!(table.insert(key.join("|"), cells().filter_map(number).collect()).is_none(), "{key:?} twice");
+    }
+    table
+}
+
+/// Runs the script for R in a folder of data, and compares all of its numbers with those of the analysis; how many there were.
+fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
+    let study = data.study().expect("a study");
+    let analysis = Analysis::of(&study, data).expect("analysed");
+    let folder = data.path().join("analysis");
+    fs::create_dir_all(&folder).expect("a folder");
+    fs::write(folder.join("analysis.R"), study.r_script()).expect("written");
+    let run = Command::new("Rscript").arg(folder.join("analysis.R")).env("LC_ALL", locale).output().ok()?;
+    let (out, errors) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    // So R prints what a locale does not have.
+    let letters = [("<U+00E9>", "é"), ("<U+00DF>", "ß"), ("<U+00E4>", "ä")];
+    let out = letters.iter().fold(out.into_owned(), |out, (code, letter)| out.replace(code, letter));
+    assert!(run.status.success(), "{errors}");
+    let own: BTreeMap<_, _> = analysis.tables().expect("tables").into_iter().collect();
+    let mut count = 0;
+    for name in ["variance", "comparisons", "relations"] {
+        let Some((_, text)) = out.split_once(&format!("# {name}\n")) else {
+            assert!(!own.contains_key(&*format!("{name}.csv")), "{name}: {out}");
+            continue;
+        };
+        let (theirs, own) =
+            (numbers(text.split("\n#").next().unwrap_or("")), numbers(&own[&*format!("{name}.csv")]));
+        assert_eq!(own.keys().collect::<Vec<_>>(), theirs.keys().collect::<Vec<_>>(), "{name}");
+        for (key, line) in &theirs {
+            for (column, value) in line {
+                let ours = own[key].get(column).unwrap_or_else(|| panic!("{name}, {key}: no {column}"));
+                assert!(
+                    (ours - value).abs() <= 1e-6 * value.abs().max(1.0),
+                    "{name}, {key}, {column}: {ours} {value}"
+                );
+                count += 1;
+            }
+            for column in ["f", "p", "difference", "value"] {
+                assert_eq!(
+                    own[key].contains_key(column),
+                    line.contains_key(column),
+                    "{name}, {key}, {column}"
+                );
+            }
+        }
+    }
+    Some(count)
+}
+
+#[test]
+fn r_finds_the_same_statistics() {
+    let all_of = |study: &Checked, text: &str, odd: bool| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let people = people(folder.path(), study, text);
+        // A space in its path.
+        let data = opened(&folder.path().join("the data"), study, &People::indifferent()).expect("a folder");
+        let groups = study.study.group_count();
+        for (number, code) in people_codes(7 * groups).into_iter().enumerate() {
+            let mut claim = data.claim(&code, study.study.group_name(number % groups), true).expect("free");
+            study
+                .simulate(&registry(), (&mut claim, number % groups), &people, None, usize::MAX)
+                .expect("it runs");
+            let again = claim.rows()[claim.rows().len() - 1].clone();
+            if odd && number == 2 {
+                claim.keep(Row { status: Status::Skipped, rating: None, ..again }, &[]).expect("kept");
+            } else if odd && number == 3 {
+                claim.keep(Row { rating: Some(0.1), ..again }, &[]).expect("kept");
+            }
+        }
+        if odd {
+            data.remove("S006").expect("removed");
+            let path = folder.path().join("the data/trials.csv");
+            let text = fs::read_to_string(&path).expect("trials");
+            fs::write(&path, format!("\u{feff}{text}S001,all,1,2,answe")).expect("written");
+        }
+        ["C", "C.UTF-8"].map(|locale| compare_with_r(&data, locale))
+    };
+    let pairs = r#"People(format: 1, values: { "roughness": { "T1": 0.2, "T4": -0.3 } }, places: { "T1, real": [0.2, 0.1],
+        "T2, real": [0.5, 0.1], "T3, real": [0.3, 0.6], "T4, virtual": [0.1, 0.9], "T5, real": [0.4, 0.2], "T1, virtual": [0.7, 0.0],
+        "T2, virtual": [0.2, 0.8], "T3, virtual": [0.5, 0.5], "T4, real": [0.9, 0.9], "T5, virtual": [0.6, 0.3] })"#;
+    let effect = r#"People(format: 1, values: { "similarity": { "silk": 0.2, "tile": -0.1 } })"#;
+    let folder = tempfile::tempdir().expect("a folder");
+    let odd = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron",
+        surfaces: { "caf\u{e9} \"1\"": (file: "GRAPHS/surfaces/t3-tile.ron", sample: "1"), "b": (file: "GRAPHS/surfaces/t3-tile.ron", sample: "2") },
+        versions: { "loud, or": {}, "so\u{df}ft": { "gain": 0.1 }, "B": { "gain": 0.2 } }, scales: { "\u{e4}\\n": (ask: "?", from: "a", to: "b") },
+        phases: { "r\"a\\te": Rate(stimuli: [Real, Virtual], repeats: 2), "c": Compare(scale: "\u{e4}\\n", repeats: 2) })"#;
+    let odd = written(folder.path(), odd).expect("valid");
+    let found = [
+        all_of(&shipped("responsiveness.ron"), effect, false),
+        all_of(&shipped("components.ron"), effect, false),
+        all_of(&shipped("real-and-virtual.ron"), pairs, false),
+        all_of(&odd, "People(format: 1)", true),
+    ];
+    // Without R there is nothing to compare.
+    if let Some(counts) = found.concat().into_iter().collect::<Option<Vec<usize>>>() {
+        println!("{counts:?} numbers are those of R");
+        assert!(counts.iter().all(|count| *count > 80), "{counts:?}");
+    }
 }
