@@ -1,7 +1,7 @@
 //! The page of a study's analysis: means with their intervals, maps with names, trees, psychometric functions.
 
 use super::map_figures::{self, ASPECT, materials};
-use super::page::{Sheet, figures_of};
+use super::page::Sheet;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::svg::{Rect, escape, text_width};
 use super::table::Table;
@@ -35,10 +35,19 @@ pub fn page(
             "" => String::new(),
             text => format!("<p>{}</p>", escape(text)),
         };
-        let plots: Vec<Plot> =
-            section.plots.into_iter().map(|plot| Plot { note: badge.to_owned(), ..plot }).collect();
+        // A map keeps the width at which its names are apart.
+        let figure = |plot: Plot| match plot.aspect {
+            None => plot.to_figure(),
+            Some(_) => format!(
+                "<div class=\"scroll\"><div style=\"min-width:{}px\">{}</div></div>",
+                MAP_PX + 62.0,
+                plot.to_figure()
+            ),
+        };
+        let plots = section.plots.into_iter().map(|plot| Plot { note: badge.to_owned(), ..plot });
+        let figures: String = plots.map(figure).collect();
         let table = section.table.map_or_else(String::new, |table| table.to_html());
-        (section.title, text + &figures_of(&plots) + &table)
+        (section.title, text + &figures + &table)
     };
     let sections: Vec<(String, String)> = sections.into_iter().map(content).collect();
     let sections: Vec<(&str, String)> =

@@ -1,7 +1,12 @@
 //! The analysis that a study's phases ask for, with two tests side by side: as in the thesis, with participants as replicates, and
 //! with repeated measures, each participant against themselves.
 
+mod beside;
+mod responsiveness;
 mod script;
+
+pub(crate) use beside::REPEATED_STUDIES;
+pub use beside::{BesideRow, RepeatsNone};
 
 use crate::data::{Folder, Row, lines};
 use crate::document::{End, Phase, Study};

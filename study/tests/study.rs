@@ -1,7 +1,8 @@
 //! A study from its file to its data: orders, conditions, and what an interruption leaves.
 
+use haptograph_learning::evaluate::{Condition, condition_losses};
 use haptograph_nodes::registry;
-use haptograph_study::analyse::Analysis;
+use haptograph_study::analyse::{Analysis, BesideRow, RelationRow};
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{DataError, Folder, Row, Status};
 use haptograph_study::document::Phase;
@@ -602,6 +603,7 @@ fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
     let letters = [("<U+00E9>", "é"), ("<U+00DF>", "ß"), ("<U+00E4>", "ä")];
     let out = letters.iter().fold(out.into_owned(), |out, (code, letter)| out.replace(code, letter));
     assert!(run.status.success(), "{errors}");
+    assert_eq!(out.contains("# map of "), out.contains("\n# 3 "), "{out}");
     let own: BTreeMap<_, _> = analysis.tables().expect("tables").into_iter().collect();
     let mut count = 0;
     for name in ["variance", "comparisons", "relations"] {
@@ -641,7 +643,7 @@ fn r_finds_the_same_statistics() {
         // A space in its path.
         let data = opened(&folder.path().join("the data"), study, &People::indifferent()).expect("a folder");
         let groups = study.study.group_count();
-        for (number, code) in people_codes(7 * groups).into_iter().enumerate() {
+        for (number, code) in people_codes(7 * groups).enumerate() {
             let mut claim = data.claim(&code, study.study.group_name(number % groups), true).expect("free");
             study
                 .simulate(&registry(), (&mut claim, number % groups), &people, None, usize::MAX)
@@ -679,7 +681,128 @@ fn r_finds_the_same_statistics() {
     ];
     // Without R there is nothing to compare.
     if let Some(counts) = found.concat().into_iter().collect::<Option<Vec<usize>>>() {
-        println!("{counts:?} numbers are those of R");
         assert!(counts.iter().all(|count| *count > 80), "{counts:?}");
     }
+}
+
+#[test]
+fn similarity_that_follows_what_a_signal_loses_gives_its_slope_back() {
+    let study = shipped("responsiveness.ron");
+    let textures = study.study.surfaces.0.iter().map(|(name, of)| {
+        let surface = haptograph_surfaces::files::load(of.file.as_ref().expect("a file")).expect("a surface");
+        (name.text.as_str(), surface.texture.expect("a texture"))
+    });
+    let textures: Vec<_> = textures.collect();
+    let losses =
+        condition_losses(&textures.iter().map(|(name, texture)| (*name, texture)).collect::<Vec<_>>());
+    const SLOPE: f64 = 2000.0;
+    // The similarity of F falls by a fiftieth for each (m/s²)², that of phi by a hundredth for each unit of SD.
+    let values = losses.iter().filter_map(|of| match of.condition {
+        Condition::Force => Some(format!("\"{}, F\": {}", of.surface, -of.loss.power / SLOPE)),
+        Condition::Neither => Some(format!("\"{}, phi\": {}", of.surface, -0.01 * of.difference?)),
+        _ => None,
+    });
+    let values: String = values.map(|value| value + ", ").collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let people = people(
+        folder.path(),
+        &study,
+        &format!(r#"People(format: 1, bias_sd: 0, noise_sd: 0, values: {{ "similarity": {{ {values} }} }})"#),
+    );
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+    for code in people_codes(2) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
+    }
+    let mut analysis = Analysis::of(&study.study, &data).expect("analysed");
+    analysis.add_responsiveness(&study, &data).expect("added");
+    let row = |analysis: &Analysis, version: &str, property: &str| {
+        let is_it = |row: &&RelationRow| row.of == version && row.with.starts_with(property);
+        analysis.relations.iter().find(is_it).cloned().expect("a row")
+    };
+    for (version, property, slope) in [("F", "P,", 1.0 / SLOPE), ("phi", "SD", 0.01)] {
+        let found = row(&analysis, version, property);
+        assert!((found.value / slope - 1.0).abs() < 1e-9, "{found:?}");
+        assert!((found.r_squared.expect("R2") - 1.0).abs() < 1e-9 && found.count == 6, "{found:?}");
+    }
+    // The answers to S are all the same.
+    assert!(analysis.left_out.iter().any(|why| why.contains("S on SD")), "{:?}", analysis.left_out);
+    // A surface that has changed since is left out.
+    let mut other = study.clone();
+    let tile = other.study.surfaces.find("tile").expect("a surface");
+    other.study.surfaces.0[tile].1.file = other.study.surfaces.0[0].1.file.clone();
+    let mut changed = Analysis::of(&study.study, &data).expect("analysed");
+    changed.add_responsiveness(&other, &data).expect("added");
+    assert_eq!(row(&changed, "F", "P,").count, 5);
+    assert!(changed.left_out.iter().any(|why| why.contains("tile") && why.contains("presented")));
+}
+
+#[test]
+fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
+    let beside = |name: &str, surface: &str| {
+        let study = shipped(name);
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
+        let groups = study.study.group_count();
+        for (number, code) in people_codes(6 * groups).enumerate() {
+            let mut claim = data.claim(&code, study.study.group_name(number % groups), true).expect("free");
+            let people = People::indifferent();
+            study
+                .simulate(&registry(), (&mut claim, number % groups), &people, None, usize::MAX)
+                .expect("it runs");
+        }
+        // The toolkit's surface, as a file may be called.
+        let table = folder.path().join("trials.csv");
+        let text = fs::read_to_string(&table).expect("trials");
+        fs::write(&table, text.replace(&format!(",{surface},"), ",abs-plastic,")).expect("written");
+        let analysis = Analysis::of(&study.study, &data).expect("analysed");
+        let rows = analysis.beside_thesis(&study.study).expect("a study of the thesis");
+        assert!(rows.iter().all(|row| !row.own.is_null() && !row.thesis.is_null()), "{rows:?}");
+        rows
+    };
+    let thesis = |rows: &[BesideRow], what: &str| {
+        rows.iter()
+            .find(|row| row.what == what)
+            .unwrap_or_else(|| panic!("{what}: {rows:?}"))
+            .thesis
+            .to_string()
+    };
+    let rows = beside("real-and-virtual.ron", "none");
+    // F and p of two factors on four scales, four coefficients, two R2; nothing of the ratings that the thesis discards.
+    assert_eq!(rows.len(), 4 * 4 + 4 + 2);
+    assert!(rows.iter().all(|row| row.phase != "adjectives after pairs"));
+    assert_eq!(thesis(&rows, "roughness, surface: F"), "52.18");
+    assert_eq!(thesis(&rows, "slipperiness, version: F"), "99.91");
+    assert_eq!(thesis(&rows, "dissimilarity on difference of fineness"), "0.366");
+    let rows = beside("responsiveness.ron", "plastic");
+    // Six surfaces of other names say how many differ, and one has p.
+    assert_eq!(rows.len(), 3 + 3);
+    assert_eq!(thesis(&rows, "surfaces on which F is less similar than FS, p < 0.05"), "\"11 of 15\"");
+    assert_eq!(thesis(&rows, "surfaces on which S is less similar than FS, p < 0.05"), "\"0 of 15\"");
+    assert_eq!(thesis(&rows, "abs-plastic, phi against FS: p"), "0.0000875");
+    let rows = beside("components.ron", "plastic");
+    assert_eq!(rows.len(), 3 + 3 + 2 * 3);
+    assert_eq!(
+        thesis(&rows, "surfaces on which no texture is less similar than all, p < 0.05"),
+        "\"10 of 15\""
+    );
+    let table = |number: &str, what: &str| {
+        let source = format!("Table {number}");
+        rows.iter()
+            .find(|row| row.source == source && row.what == what)
+            .expect("a correlation")
+            .thesis
+            .to_string()
+    };
+    assert_eq!(table("4.3", "slipperiness and roughness: r"), "-0.91");
+    assert_eq!(table("4.4", "slipperiness and hardness: r"), "\"0.21 or 0.24\"");
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
+    let none = Analysis::of(&study.study, &data).expect("analysed").beside_thesis(&study.study);
+    assert!(none.expect_err("no study of the thesis").to_string().contains("thesis: \"3.3\""));
+    let wrong = GATED
+        .replace("seed: 5", "seed: 5, thesis: \"4.7\"")
+        .replace("PORT", r#"port: "way so far", at_least_cm: 50"#);
+    assert_eq!(codes(written(folder.path(), &wrong).unwrap_err()), ["E0304"]);
 }

@@ -1,12 +1,16 @@
 //! The page of a study's analysis: which figures a phase has.
 
+use super::{BESIDE, beside_row};
 use crate::engine::document::value::Name;
 use crate::learning::evaluate::Merge;
 use crate::report::plot::Plot;
 use crate::report::study::{Interval, Psychometric, Section, intervals, map, scree, tree};
-use haptograph_study::analyse::{Analysis, LevelRow, MeanRow, ThresholdRow};
+use crate::report::table::Table;
+use haptograph_study::analyse::{Analysis, BesideRow, LevelRow, MeanRow, ThresholdRow};
 use haptograph_study::document::{Line, Phase, Study};
 
+/// Above the thesis's numbers.
+const SAME: &str = "Numbers that the thesis prints, where they mean the same as one's own.";
 /// Below a figure of ratings.
 const INTERVALS: &str = "Means with their 95 % intervals over people.";
 /// Below one of comparisons.
@@ -14,11 +18,16 @@ const MARKS: &str = "Means with their 95 % intervals over people. Different from
                      * as in the thesis, † with repeated measures, each person against themselves.";
 
 /// The page as HTML.
-pub(super) fn page(study: &Study, analysis: &Analysis) -> String {
+pub(super) fn page(study: &Study, analysis: &Analysis, beside: &[BesideRow]) -> String {
     let phases = study.phases.0.iter();
     let mut sections: Vec<Section> =
         phases.map(|(name, phase)| section(study, (&name.text, phase), analysis)).collect();
     sections.retain(|section| !section.plots.is_empty());
+    if !beside.is_empty() {
+        let table = Table::new(&BESIDE, beside.iter().map(beside_row).collect());
+        let (title, text) = ("Beside the thesis".to_owned(), SAME.to_owned());
+        sections.push(Section { title, text, table: Some(table), ..Section::default() });
+    }
     let warnings: Vec<String> = analysis.left_out.iter().map(|why| format!("Not computed: {why}")).collect();
     crate::report::study::page("Analysis", &study.about, analysis.simulated, &warnings, sections)
 }
@@ -50,9 +59,9 @@ fn ratings(study: &Study, means: &[&MeanRow], reference: Option<&str>, analysis:
         let mut own: Vec<Interval> = own.map(interval).collect();
         // The reference is the first of a surface.
         own.sort_by_key(|of| (of.row.clone(), Some(&*of.series) != reference));
-        let caption = if reference.is_some() { MARKS } else { INTERVALS }.to_owned();
-        let label = format!("Mean rating, from 0, {}, to 1, {}", line.from, line.to);
-        (!own.is_empty()).then(|| Plot { caption, ..intervals(&scale.text, &label, &own) })
+        let means = if reference.is_some() { MARKS } else { INTERVALS };
+        let caption = format!("0: {}, 1: {}. {means}", line.from, line.to);
+        (!own.is_empty()).then(|| Plot { caption, ..intervals(&scale.text, "Mean rating", &own) })
     };
     study.scales.0.iter().filter_map(figure).collect()
 }

@@ -141,7 +141,7 @@ pairs_of <- function(phase, rows, same_is_from, means) {
         if (!is.null(b)) add("relations", phase = phase, kind = "regression of dissimilarity on differences of ratings (Eq. 3.3.1)",
                              of = "dissimilarity", with = names(means), value = b[, "Estimate"], p = b[, "Pr(>|t|)"])
     }
-    stimuli <- in_order(two)
+    stimuli <- in_order(c(two))
     matrix <- matrix(0, length(stimuli), length(stimuli), dimnames = list(sub("\t", ", ", stimuli), NULL))
     matrix[cbind(match(two[, 1], stimuli), match(two[, 2], stimuli))] <- d
     if (!requireNamespace("MASS", quietly = TRUE)) return()
@@ -152,7 +152,9 @@ pairs_of <- function(phase, rows, same_is_from, means) {
     }
     if (is.null(map)) return()
     tree <- hclust(dist(map$points), "ward.D2")
-    for (step in seq_along(tree$height)) cat("#", tree$labels[-tree$merge[step, tree$merge[step, ] < 0]], "at", format(tree$height[step]), "\n")
+    name <- function(at) if (at < 0) tree$labels[-at] else paste("merge", at)
+    for (step in seq_along(tree$height))
+        cat("# merge ", step, ": ", name(tree$merge[step, 1]), " + ", name(tree$merge[step, 2]), " at ", format(tree$height[step]), "\n", sep = "")
 }
 
 if (any(tolower(trials$simulated) == "true")) cat("# simulated people\n")
