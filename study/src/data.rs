@@ -400,6 +400,15 @@ impl Folder {
         Ok(file.content)
     }
 
+    /// An error unless its study has this text.
+    pub(crate) fn check_text(&self, text: &str) -> Result<(), DataError> {
+        let path = self.path.join("study.ron");
+        match files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| file_error(&path, error))? == text {
+            true => Ok(()),
+            false => Err(DataError::OtherStudy { path: self.path.clone() }),
+        }
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.path

@@ -727,6 +727,8 @@ fn similarity_that_follows_what_a_signal_loses_gives_its_slope_back() {
     }
     // The answers to S are all the same.
     assert!(analysis.left_out.iter().any(|why| why.contains("S on SD")), "{:?}", analysis.left_out);
+    let another = Analysis::default().add_responsiveness(&shipped("first.ron"), &data);
+    assert!(matches!(another, Err(DataError::OtherStudy { .. })));
     // A surface that has changed since is left out.
     let mut other = study.clone();
     let tile = other.study.surfaces.find("tile").expect("a surface");

@@ -35,9 +35,11 @@ impl Analysis {
     /// and speed, the decrease of similarity on what the signal of each surface loses. Surfaces are read from the study's own paths.
     ///
     /// # Errors
-    /// If the data cannot be read.
+    /// If the data cannot be read, or are of another study.
     pub fn add_responsiveness(&mut self, study: &Checked, folder: &Folder) -> Result<(), DataError> {
+        folder.check_text(&study.identity(None).text)?;
         let answers = folder.answers()?;
+        let mut is_found = false;
         for (name, phase) in &study.study.phases.0 {
             let Phase::Compare(compare) = phase else { continue };
             let versions = responding(study, compare);
@@ -46,6 +48,7 @@ impl Analysis {
             if versions.len() < 2 || control.is_none_or(|(_, of)| *of != Condition::ForceAndSpeed) {
                 continue;
             }
+            is_found = true;
             let presented = |surface: &str| {
                 let row = answers.iter().find(|row| row.phase == name.text && row.second_surface == surface);
                 row.map(|row| row.surface_sha256.clone())
@@ -59,6 +62,10 @@ impl Analysis {
                     losses.iter().filter(|of| of.condition == *condition).collect();
                 self.slopes((&name.text, reference, version), &losses);
             }
+        }
+        if !is_found {
+            let why = "no phase compares versions that set `condition` with one of `ForceAndSpeed`";
+            self.left_out.push(format!("Table 4.2: {why}"));
         }
         Ok(())
     }
