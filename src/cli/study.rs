@@ -406,12 +406,16 @@ fn analyse(
 
 /// The cells of a number beside the thesis's.
 fn beside_row(row: &BesideRow) -> Vec<String> {
-    let cell = |value: &Value, digits| match value {
+    let own = match &row.own {
         Value::String(text) => text.clone(),
-        value => value.as_f64().map_or_else(String::new, |number| significant(number, digits)),
+        value => value.as_f64().map_or_else(String::new, number),
     };
-    // The thesis prints up to four digits.
-    let (own, thesis) = (cell(&row.own, 3), cell(&row.thesis, 4));
+    // With the digits that are printed.
+    let thesis = match (&row.thesis, row.thesis.as_f64()) {
+        (Value::String(text), _) => text.clone(),
+        (_, Some(small)) if small.abs() < 1e-3 => format!("{small:e}"),
+        (value, _) => value.to_string(),
+    };
     vec![row.what.clone(), own, thesis, row.source.to_owned(), row.phase.clone()]
 }
 
