@@ -3,11 +3,9 @@
 
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
-use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::fixed;
 use super::svg::escape;
 use super::table::{Table, grid};
-use super::theme::Ink;
 use super::{learning, map_figures};
 use haptograph_learning::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
 use haptograph_learning::learn::LearningReport;
@@ -157,28 +155,12 @@ fn map_section(map: &PerceptualMap) -> String {
     };
     format!(
         "<p>All textures played along one random walk and placed by their spectral differences.{groups}{angle}</p>{}",
-        figures_of(&[map_figures::places(map), scree(map), map_figures::tree(map)])
+        figures_of(&[
+            map_figures::places(map),
+            map_figures::scree(&map.scaling.stress),
+            map_figures::tree(&map.names, &map.tree)
+        ])
     )
-}
-
-fn scree(map: &PerceptualMap) -> Plot {
-    let points: Vec<(f64, f64)> =
-        map.scaling.stress.iter().enumerate().map(|(i, s)| ((i + 1) as f64, *s)).collect();
-    let most = points.iter().fold(0.0_f64, |most, point| most.max(point.1));
-    Plot {
-        title: "Stress by dimensions of the map".into(),
-        x: Axis::of("Dimensions")
-            .over(0.5, points.len() as f64 + 0.5)
-            .named((1..=points.len()).map(|d| (d as f64, d.to_string()))),
-        y: Axis::of("Kruskal's stress (1)").over(0.0, 1.1 * most),
-        marks: vec![
-            Mark::Line(Style::named(Ink::Blue, "stress"), points.clone()),
-            Mark::Dots(Style::of(Ink::Blue).weight(Weight::Bold), points),
-        ],
-        size: (0.0, 200.0),
-        caption: "Where the curve is flat, more dimensions do not improve the map.".to_owned(),
-        ..Plot::default()
-    }
 }
 
 /// Losses of the reduced conditions, and SD_x of each surface (Eq. 4.5.4).

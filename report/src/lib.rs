@@ -28,6 +28,7 @@ mod responses;
 pub mod scale;
 pub mod sound;
 pub(crate) mod spectra;
+pub mod study;
 mod svg;
 mod swatch;
 pub mod sweep;

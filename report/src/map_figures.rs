@@ -2,11 +2,11 @@
 
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::theme::Ink;
-use haptograph_learning::evaluate::PerceptualMap;
+use haptograph_learning::evaluate::{Merge, PerceptualMap};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Width of the map's frame by its height, without margins: both axes have one scale.
-const ASPECT: f64 = 676.0 / 412.0;
+pub(super) const ASPECT: f64 = 676.0 / 412.0;
 
 /// True if there are fewer k-means groups than textures.
 pub(super) fn has_groups(map: &PerceptualMap) -> bool {
@@ -39,7 +39,7 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
                 .map(|line| Mark::Segments(Style::named(Ink::Grey, name).weight(weight), line)),
         );
     }
-    for (number, material) in materials(map).into_iter().enumerate() {
+    for (number, material) in materials(&map.names).into_iter().enumerate() {
         let of_material =
             all.iter().zip(&map.names).filter(|(_, (_, m))| m == material).map(|(place, _)| *place);
         marks.push(Mark::Dots(
@@ -61,8 +61,8 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
     }
 }
 
-fn materials(map: &PerceptualMap) -> Vec<&String> {
-    let mut materials: Vec<&String> = map.names.iter().map(|(_, material)| material).collect();
+pub(super) fn materials(names: &[(String, String)]) -> Vec<&String> {
+    let mut materials: Vec<&String> = names.iter().map(|(_, material)| material).collect();
     materials.sort();
     materials.dedup();
     materials
@@ -109,15 +109,35 @@ fn outline(points: Vec<(f64, f64)>, margin: f64) -> Vec<(f64, f64)> {
     hull
 }
 
-/// The dendrogram: the nearest textures join first.
-pub(super) fn tree(map: &PerceptualMap) -> Plot {
-    let count = map.names.len();
-    let order = leaves(map);
+/// Stress in 1, 2, ... dimensions.
+pub(super) fn scree(stress: &[f64]) -> Plot {
+    let points: Vec<(f64, f64)> = stress.iter().enumerate().map(|(i, s)| ((i + 1) as f64, *s)).collect();
+    let most = points.iter().fold(0.0_f64, |most, point| most.max(point.1));
+    Plot {
+        title: "Stress by dimensions of the map".into(),
+        x: Axis::of("Dimensions")
+            .over(0.5, points.len() as f64 + 0.5)
+            .named((1..=points.len()).map(|d| (d as f64, d.to_string()))),
+        y: Axis::of("Kruskal's stress (1)").over(0.0, 1.1 * most),
+        marks: vec![
+            Mark::Line(Style::named(Ink::Blue, "stress"), points.clone()),
+            Mark::Dots(Style::of(Ink::Blue).weight(Weight::Bold), points),
+        ],
+        size: (0.0, 200.0),
+        caption: "Where the curve is flat, more dimensions do not improve the map.".to_owned(),
+        ..Plot::default()
+    }
+}
+
+/// The dendrogram of items by their names and materials: the nearest textures join first.
+pub(super) fn tree(names: &[(String, String)], merges: &[Merge]) -> Plot {
+    let count = names.len();
+    let order = leaves(count, merges);
     // Position of each group: distance and row.
     let mut at = vec![(0.0, 0.0); count];
     order.iter().enumerate().for_each(|(row, &leaf)| at[leaf] = (0.0, (count - row) as f64));
     let mut lines = vec![];
-    for merge in &map.tree {
+    for merge in merges {
         let (a, b) = (at[merge.groups.0], at[merge.groups.1]);
         lines.extend([
             [a, (merge.distance, a.1)],
@@ -126,10 +146,10 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
         ]);
         at.push((merge.distance, 0.5 * (a.1 + b.1)));
     }
-    let far = map.tree.last().map_or(1.0, |merge| 1.04 * merge.distance);
+    let far = merges.last().map_or(1.0, |merge| 1.04 * merge.distance);
     let mut marks = vec![Mark::Segments(Style::of(Ink::Grey), lines)];
-    for (number, material) in materials(map).into_iter().enumerate() {
-        let of_material = (0..count).filter(|i| map.names[*i].1 == *material).map(|i| at[i]);
+    for (number, material) in materials(names).into_iter().enumerate() {
+        let of_material = (0..count).filter(|i| names[*i].1 == *material).map(|i| at[i]);
         marks.push(Mark::Dots(Style::of(Ink::number(number)), of_material.collect()));
     }
     Plot {
@@ -140,7 +160,7 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
             order
                 .iter()
                 .enumerate()
-                .map(|(row, &leaf)| ((count - row) as f64, map.names[leaf].0.clone())),
+                .map(|(row, &leaf)| ((count - row) as f64, names[leaf].0.clone())),
         ),
         marks,
         size: (0.0, 90.0 + 15.0 * count as f64),
@@ -151,10 +171,9 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
 }
 
 /// An order of the textures in which no lines of the tree cross.
-fn leaves(map: &PerceptualMap) -> Vec<usize> {
-    let count = map.names.len();
+fn leaves(count: usize, merges: &[Merge]) -> Vec<usize> {
     let mut groups: Vec<Vec<usize>> = (0..count).map(|i| vec![i]).collect();
-    for merge in &map.tree {
+    for merge in merges {
         let mut joined = std::mem::take(&mut groups[merge.groups.0]);
         joined.append(&mut groups[merge.groups.1]);
         groups.push(joined);

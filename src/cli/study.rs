@@ -1,6 +1,7 @@
 //! `haptograph study`: studies with people.
 
 mod check;
+mod page;
 mod run;
 mod simulate;
 
@@ -9,12 +10,13 @@ use super::result::{CommandResult, show};
 use super::table::{significant, table};
 use super::{Failure, print};
 use crate::engine::registry::Registry;
-use clap::Subcommand;
-use haptograph_study::analyse::Analysis;
+use clap::{Subcommand, ValueEnum};
+use haptograph_study::analyse::{Analysis, BesideRow};
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{Folder, Row};
 use serde::Serialize;
-use std::path::PathBuf;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 /// Check, plan, run, simulate and analyse a study with people
 ///
@@ -52,12 +54,21 @@ enum Command {
     /// Compute the statistics that the phases ask for
     ///
     /// Two tests stand side by side: as in the thesis, with participants as replicates, and with repeated measures, each participant
-    /// against themselves. On centred ratings the first finds a difference in 11.7 % of studies without one, at a nominal 5 %. Tables go into
-    /// `analysis` in the folder.
+    /// against themselves. On centred ratings the first finds a difference in 11.7 % of studies without one, at a nominal 5 %. Tables, a page
+    /// of figures (`analysis.html`) and a script that repeats the tests in R (`analysis.R`) go into `analysis` in the folder.
     Analyse {
         /// The folder of the study's data
         #[arg(value_name = "DIR")]
         folder: PathBuf,
+        /// Lay the printed numbers of the study that it repeats beside its own, where both mean the same
+        #[arg(long)]
+        beside: Option<Beside>,
+        /// The study's own file, for its surfaces: regresses similarity on what their signals lose (Table 4.2)
+        #[arg(long, value_name = "STUDY.ron")]
+        study: Option<PathBuf>,
+        /// Take every surface file of this folder, as the study was run
+        #[arg(long, value_name = "DIR", requires = "study")]
+        surfaces: Option<PathBuf>,
         /// Print all tables as JSON
         #[arg(long)]
         json: bool,
@@ -71,6 +82,13 @@ enum Command {
         #[arg(short, long, value_name = "CODE")]
         participant: String,
     },
+}
+
+/// What stands beside one's own numbers.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Beside {
+    /// Those that the thesis prints
+    Thesis,
 }
 
 /// The file of a study.
@@ -114,17 +132,9 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
             show(&Plan { group, participant: participant.clone(), trials }, *json)
         }
         Command::Simulate(arguments) => simulate::run(arguments, registry),
-        Command::Analyse { folder, json } => {
-            let folder = Folder::existing(folder).map_err(Failure::message)?;
-            let study = folder.study().map_err(Failure::message)?;
-            let analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
-            let output = folder.path().join("analysis");
-            let tables = RunFolder::beside(&output)?;
-            for (name, table) in analysis.tables().map_err(Failure::message)? {
-                tables.write(name, &table)?;
-            }
-            tables.commit(&[], Force::default())?;
-            show(&Analysed { analysis, output }, *json)
+        Command::Analyse { folder, beside, study, surfaces, json } => {
+            let own = study.clone().map(|study| StudyFile { study, surfaces: surfaces.clone() });
+            analyse(folder, *beside, own.as_ref(), *json)
         }
         Command::Remove { folder, participant } => {
             let folder = Folder::existing(folder).map_err(Failure::message)?;
@@ -171,11 +181,57 @@ impl CommandResult for Plan {
     }
 }
 
+fn analyse(
+    folder: &Path,
+    beside: Option<Beside>,
+    own: Option<&StudyFile>,
+    json: bool,
+) -> Result<(), Failure> {
+    let folder = Folder::existing(folder).map_err(Failure::message)?;
+    let study = folder.study().map_err(Failure::message)?;
+    let mut analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
+    if let Some(own) = own {
+        analysis.add_responsiveness(&own.load()?, &folder).map_err(Failure::message)?;
+    }
+    let beside = match beside {
+        None => Vec::new(),
+        Some(Beside::Thesis) => analysis.beside_thesis(&study).map_err(Failure::message)?,
+    };
+    let output = folder.path().join("analysis");
+    let tables = RunFolder::beside(&output)?;
+    tables.write("analysis.html", &page::page(&study, &analysis, &beside))?;
+    tables.write("analysis.R", &study.r_script())?;
+    for (name, table) in analysis.tables().map_err(Failure::message)? {
+        tables.write(name, &table)?;
+    }
+    tables.commit(&[], Force::default())?;
+    show(&Analysed { analysis, beside, output }, json)
+}
+
+/// The cells of a number beside the thesis's.
+fn beside_row(row: &BesideRow) -> Vec<String> {
+    let own = match &row.own {
+        Value::String(text) => text.clone(),
+        value => value.as_f64().map_or_else(String::new, number),
+    };
+    // With the digits that are printed.
+    let thesis = match (&row.thesis, row.thesis.as_f64()) {
+        (Value::String(text), _) => text.clone(),
+        (_, Some(small)) if small.abs() < 1e-3 => format!("{small:e}"),
+        (value, _) => value.to_string(),
+    };
+    vec![row.what.clone(), own, thesis, row.source.to_owned(), row.phase.clone()]
+}
+
+const BESIDE: [&str; 5] = ["number", "own", "thesis", "printed in", "own phase"];
+
 /// The tables of an analysis.
 #[derive(Serialize)]
 struct Analysed {
     #[serde(flatten)]
     analysis: Analysis,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    beside: Vec<BesideRow>,
     output: PathBuf,
 }
 
@@ -217,6 +273,10 @@ impl CommandResult for Analysed {
             text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
         }
         text += &self.fits();
+        if !self.beside.is_empty() {
+            let rows: Vec<_> = self.beside.iter().map(beside_row).collect();
+            text += &format!("\n{}", table(&BESIDE, &rows));
+        }
         of.left_out.iter().for_each(|why| text += &format!("not computed: {why}\n"));
         text + &format!("wrote {}\n", self.output.display())
     }
@@ -246,8 +306,9 @@ impl Analysed {
         for row in &of.relations {
             let (value, low, high) = (number(row.value), number(row.low), number(row.high));
             let (of, with) = (&row.of, &row.with);
+            let r_squared = row.r_squared.map_or_else(String::new, |of| format!(", R2 {}", number(of)));
             text += &format!(
-                "{}, {}: {of} and {with}: {value} ({low} to {high}), p {}\n",
+                "{}, {}: {of} and {with}: {value} ({low} to {high}), p {}{r_squared}\n",
                 row.phase,
                 row.kind,
                 number(row.p)

@@ -1,17 +1,24 @@
 //! The analysis that a study's phases ask for, with two tests side by side: as in the thesis, with participants as replicates, and
 //! with repeated measures, each participant against themselves.
 
+mod beside;
+mod responsiveness;
+mod script;
+
+pub(crate) use beside::REPEATED_STUDIES;
+pub use beside::{BesideRow, RepeatsNone};
+
 use crate::data::{Folder, Row, lines};
 use crate::document::{End, Phase, Study};
-use crate::statistics::Estimate;
 use crate::statistics::anova::{self, Term, centred_by_person, columns};
 use crate::statistics::effect::{equivalence, paired_effect};
-use crate::statistics::psychometric::{Block, FitSettings, fit};
+use crate::statistics::psychometric::{Block, FitSettings, Shape, fit};
 use crate::statistics::ranks::{friedman, wilcoxon_pairs};
 use crate::statistics::regression::{correlation_matrix, regress};
 use crate::statistics::repeated::{self, WithinTerm};
 use crate::statistics::space::perceptual_space;
 use crate::statistics::tukey::Comparison;
+use crate::statistics::{Estimate, mean_interval};
 use haptograph_engine::document::value::Name;
 use haptograph_signal::statistics::{mean, standard_deviation};
 use serde::Serialize;
@@ -19,6 +26,10 @@ use std::collections::BTreeMap;
 
 /// Confidence of all intervals.
 const CONFIDENCE: f64 = 0.95;
+/// Below this p a difference is marked.
+const SIGNIFICANT: f64 = 0.05;
+/// Share of right answers without a difference: of two alternatives.
+const GUESS: f64 = 0.5;
 /// Dimensions of a map (thesis 3.3), and of its scree.
 const DIMENSIONS: (usize, usize) = (3, 6);
 
@@ -73,6 +84,9 @@ pub struct MeanRow {
     pub people: usize,
     pub mean: f64,
     pub sd: f64,
+    /// Interval of the mean by t, 95 %.
+    pub low: Option<f64>,
+    pub high: Option<f64>,
     /// As fractions of each person's standard deviation on the scale.
     pub mean_over_sd: f64,
     /// Eq. 4.6.1: how much less similar than the reference, %.
@@ -108,6 +122,17 @@ pub struct PlaceRow {
     pub groups: String,
 }
 
+/// A merge of Ward's tree of the distances on a map.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct MergeRow {
+    pub phase: String,
+    /// Stimuli by their number among the places, from 0; earlier merges by the number of stimuli plus their own.
+    pub first: usize,
+    pub second: usize,
+    pub distance: f64,
+}
+
 /// Stress of a map by its number of dimensions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
@@ -134,6 +159,26 @@ pub struct ThresholdRow {
     pub p_of_deviance: f64,
 }
 
+/// Answers at one level.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct LevelRow {
+    pub phase: String,
+    /// Empty for all participants together.
+    pub participant: String,
+    /// Difference from the standard.
+    pub level: f64,
+    pub trials: u32,
+    pub right: u32,
+}
+
+impl ThresholdRow {
+    /// The share of right answers at a difference from the standard.
+    pub fn at(&self, level: f64) -> f64 {
+        GUESS + (1.0 - GUESS - self.lapse) * Shape::Logistic.at(level, self.threshold, self.slope)
+    }
+}
+
 /// All tables of an analysis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Analysis {
@@ -149,10 +194,14 @@ pub struct Analysis {
     pub relations: Vec<RelationRow>,
     /// Maps.
     pub places: Vec<PlaceRow>,
+    /// Their trees.
+    pub merges: Vec<MergeRow>,
     /// Their scree.
     pub scree: Vec<ScreeRow>,
     /// Psychometric functions.
     pub thresholds: Vec<ThresholdRow>,
+    /// The answers that these fit.
+    pub levels: Vec<LevelRow>,
     /// What could not be computed, and why.
     pub left_out: Vec<String>,
 }
@@ -289,6 +338,12 @@ impl ComparisonRow {
     }
 }
 
+/// The phase of ratings that explain the dissimilarities: of several the last; empty without any.
+fn rated(study: &Study) -> &str {
+    let is_rate = |(_, phase): &&(Name, Phase)| matches!(phase, Phase::Rate(_));
+    study.phases.0.iter().rfind(is_rate).map_or("", |(name, _)| &name.text)
+}
+
 const THESIS: &str = "as in the thesis";
 const RAW: &str = "as in the thesis, not centred";
 const REPEATED: &str = "repeated measures";
@@ -316,15 +371,10 @@ impl Analysis {
             match phase {
                 Phase::Rate(_) => analysis.rate(&name.text, &of_phase),
                 Phase::Compare(compare) => {
-                    let versions = study.some_versions(&compare.versions);
-                    let first = versions.first().map_or("", |version| study.version_name(*version));
-                    let reference = compare.reference.as_ref().map_or(first, |name| &name.text);
-                    analysis.compare(&name.text, (reference, compare.same_within), &of_phase);
+                    analysis.compare(&name.text, (study.reference(compare), compare.same_within), &of_phase);
                 }
                 Phase::Pairs(pairs) => {
-                    // Of several phases of ratings the last.
-                    let is_rate = |(_, phase): &&(Name, Phase)| matches!(phase, Phase::Rate(_));
-                    let rated = study.phases.0.iter().rfind(is_rate).map_or("", |(name, _)| &name.text);
+                    let rated = rated(study);
                     let ratings: Vec<&Row> = rows.iter().copied().filter(|row| row.phase == rated).collect();
                     analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
                 }
@@ -359,6 +409,7 @@ impl Analysis {
                 let (of, own): (Vec<f64>, Vec<f64>) = both.unzip();
                 (mean(&of) > 0.0).then(|| 100.0 * (mean(&of) - mean(&own)) / mean(&of))
             });
+            let interval = mean_interval(&values, CONFIDENCE).ok();
             self.means.push(MeanRow {
                 phase: phase.to_owned(),
                 scale: scale.to_owned(),
@@ -367,6 +418,8 @@ impl Analysis {
                 people: values.len(),
                 mean: mean(&values),
                 sd: standard_deviation(&values),
+                low: interval.map(|of| of.low),
+                high: interval.map(|of| of.high),
                 mean_over_sd: mean(&scaled.column(at)),
                 less_than_reference_percent: less,
             });
@@ -597,6 +650,12 @@ impl Analysis {
                 groups,
             });
         }
+        self.merges.extend(space.tree.iter().map(|(first, second, distance)| MergeRow {
+            phase: phase.to_owned(),
+            first: *first,
+            second: *second,
+            distance: *distance,
+        }));
         let scree = space.stress.iter().zip(&space.r_squared).zip(1..);
         self.scree.extend(scree.map(|((stress, r_squared), dimensions)| ScreeRow {
             phase: phase.to_owned(),
@@ -660,7 +719,14 @@ impl Analysis {
                 block.positive += u32::from(is_right);
             }
             let blocks: Vec<Block> = blocks.into_values().filter(|block| block.level > 0.0).collect();
-            let settings = FitSettings { guess: 0.5, ..FitSettings::default() };
+            self.levels.extend(blocks.iter().map(|block| LevelRow {
+                phase: phase.to_owned(),
+                participant: participant.clone(),
+                level: block.level,
+                trials: block.trials,
+                right: block.positive,
+            }));
+            let settings = FitSettings { guess: GUESS, ..FitSettings::default() };
             let whose = if participant.is_empty() { "all" } else { &participant };
             let what = format!("threshold of {whose} in {phase}");
             if let Some(found) = self.keep(&what, fit(&blocks, &settings)) {
@@ -677,6 +743,21 @@ impl Analysis {
                 });
             }
         }
+    }
+
+    /// Marks of a version that differs from the reference by Tukey's test, p below 0.05: `*` as in the thesis, `†` with repeated
+    /// measures.
+    pub fn marks(&self, phase: &str, surface: &str, [version, reference]: [&str; 2]) -> String {
+        let is_pair = |row: &&ComparisonRow| {
+            let pair = [&*row.from, &*row.to];
+            row.phase == phase
+                && row.surface == surface
+                && (pair == [version, reference] || pair == [reference, version])
+        };
+        let found: Vec<&ComparisonRow> =
+            self.comparisons.iter().filter(is_pair).filter(|row| row.p < SIGNIFICANT).collect();
+        let mark = |test: &str, mark| if found.iter().any(|row| row.test == test) { mark } else { "" };
+        [mark(THESIS, "*"), mark(REPEATED, "†")].concat()
     }
 
     /// The tables that are not empty, as (name, CSV).
@@ -696,8 +777,10 @@ impl Analysis {
             ("comparisons.csv", table(lines(&self.comparisons, true)?)),
             ("relations.csv", table(lines(&self.relations, true)?)),
             ("places.csv", table(lines(&self.places, true)?)),
+            ("merges.csv", table(lines(&self.merges, true)?)),
             ("scree.csv", table(lines(&self.scree, true)?)),
             ("thresholds.csv", table(lines(&self.thresholds, true)?)),
+            ("levels.csv", table(lines(&self.levels, true)?)),
         ];
         Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
     }

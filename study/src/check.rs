@@ -1,5 +1,6 @@
 //! Reading and checking of a study: its names first, then its graph with each version.
 
+use crate::analyse::REPEATED_STUDIES;
 use crate::data::{DataError, Identity, Row, check_code};
 use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf, TEXTS};
 use crate::order::{ALL_VERSIONS, Stimulus, Trial, distinct, square_rows};
@@ -465,6 +466,11 @@ impl Names<'_> {
         if study.phases.0.is_empty() {
             let wrong = Diagnostic::error("E0304", Span::default(), "the study has no phases");
             self.list.push(wrong.help("add one: phases: { \"rating\": Rate() }"));
+        }
+        if let Some(number) = study.thesis.as_deref().filter(|number| !REPEATED_STUDIES.contains(number)) {
+            let message = format!("`thesis`: there is no study `{number}` to repeat");
+            let wrong = Diagnostic::error("E0304", Span::default(), message);
+            self.list.push(wrong.help(format!("it has {}", REPEATED_STUDIES.join(", "))));
         }
         study.surfaces.0.iter().for_each(|(name, of)| self.surface(name, of));
         self.plain(&study.surfaces);

@@ -402,6 +402,15 @@ impl Folder {
         Ok(file.content)
     }
 
+    /// An error unless its study has this text.
+    pub(crate) fn check_text(&self, text: &str) -> Result<(), DataError> {
+        let path = self.path.join("study.ron");
+        match files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| file_error(&path, error))? == text {
+            true => Ok(()),
+            false => Err(DataError::OtherStudy { path: self.path.clone() }),
+        }
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.path
@@ -590,7 +599,9 @@ impl Folder {
         let left =
             ["trials.interrupted", "measures.interrupted", "notes.interrupted"].map(|name| self.table(name));
         let computed = files::list(&self.path.join("analysis"));
-        let computed = computed.into_iter().filter(|file| file.extension().is_some_and(|of| of == "csv"));
+        let computed = computed
+            .into_iter()
+            .filter(|file| file.extension().is_some_and(|of| of == "csv" || of == "html"));
         let takes = files::list(&self.path.join("recordings")).into_iter();
         let takes = takes.filter(|take| take.to_string_lossy().rsplit('.').nth(2) == Some(code));
         for file in computed.chain(left).chain(takes) {

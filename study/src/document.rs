@@ -14,6 +14,8 @@ settings! {
     pub struct Study {
         /// What the study asks, in a sentence. The participant does not see it.
         about: String = String::new();
+        /// The study of the thesis that it repeats, `4.5`: its numbers can then stand beside one's own.
+        thesis: Option<String> = None;
         /// The graph that renders.
         graph: PathBuf;
         /// The set of endpoints of the graph.

@@ -85,6 +85,13 @@ impl Study {
         }
     }
 
+    /// The version with which a phase compares its others.
+    pub fn reference<'s>(&'s self, compare: &'s Compare) -> &'s str {
+        let first =
+            self.some_versions(&compare.versions).first().map_or("", |version| self.version_name(*version));
+        compare.reference.as_ref().map_or(first, |name| &name.text)
+    }
+
     /// The stimuli that are presented of some surfaces, or of all. A surface without a file has no virtual one, one without a
     /// sample no real one.
     pub(crate) fn stimuli(&self, presented: &[Presented], surfaces: &[Name]) -> Vec<Stimulus> {

@@ -1,7 +1,8 @@
 //! A study from its file to its data: orders, conditions, and what an interruption leaves.
 
+use haptograph_learning::evaluate::{Condition, condition_losses};
 use haptograph_nodes::registry;
-use haptograph_study::analyse::Analysis;
+use haptograph_study::analyse::{Analysis, BesideRow, RelationRow};
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{DataError, Folder, Row, Status};
 use haptograph_study::document::Phase;
@@ -10,6 +11,7 @@ use haptograph_study::power::EffectPower;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn shipped(name: &str) -> Checked {
@@ -298,7 +300,13 @@ fn a_participant_who_withdraws_leaves_one_line() {
         let signals = folder.path().join("signals").join(code).join("1");
         fs::create_dir_all(&signals).expect("made");
     }
+    let analysis = folder.path().join("analysis");
+    fs::create_dir_all(&analysis).expect("made");
+    ["means.csv", "analysis.html"]
+        .iter()
+        .for_each(|name| fs::write(analysis.join(name), "S1").expect("written"));
     data.remove("S1").expect("removed");
+    assert_eq!(fs::read_dir(&analysis).expect("a folder").count(), 0);
     assert_eq!(data.rows().expect("rows").len(), 1);
     assert!(!folder.path().join("signals/S1").exists() && folder.path().join("signals/S2").exists());
     let tables = ["trials.csv", "measures.csv"].map(|name| fs::read_to_string(folder.path().join(name)));
@@ -356,6 +364,11 @@ fn the_analysis_finds_what_simulated_people_prefer() {
         analysis.means.iter().find(|row| row.surface == "silk" && row.version == "phi").expect("a mean");
     assert!((silk.mean - 0.3).abs() < 0.1, "{}", silk.mean);
     assert_eq!(silk.people, 15);
+    let (low, high) = (silk.low.expect("an end"), silk.high.expect("an end"));
+    // t of 14 degrees of freedom: 2.1448.
+    assert!((high - low - 2.0 * 2.144_787 * silk.sd / 15_f64.sqrt()).abs() < 1e-6, "{low} {high}");
+    assert_eq!(analysis.marks("similarity", "silk", ["phi", "FS"]), "*†");
+    assert_eq!(analysis.marks("similarity", "silk", ["F", "FS"]), "");
     let p = |surface: &str, test: &str| {
         let row = analysis.variance.iter().find(|row| row.of == surface && row.test == test).expect("a row");
         assert_eq!(row.df, 3.0);
@@ -420,6 +433,10 @@ fn a_staircase_of_simulated_people_gives_their_threshold_back() {
     // Half of the differences of 0.1 are known: 75 % right, the middle of the function.
     for row in all {
         assert!((row.threshold - 0.1).abs() < 0.025, "{}: {}", row.phase, row.threshold);
+        let answers = analysis.levels.iter().filter(|of| of.phase == row.phase && of.participant.is_empty());
+        assert_eq!(answers.map(|of| of.trials).sum::<u32>(), row.trials);
+        // Half of what is left between guesses and lapses.
+        assert!((row.at(row.threshold) - (0.75 - row.lapse / 2.0)).abs() < 1e-12);
     }
 }
 
@@ -520,6 +537,7 @@ fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
         from.relations[0].value,
         to.relations[0].value
     );
+    assert_eq!(from.merges.len(), 4, "a tree of five");
     assert!(from.scree.iter().zip(&to.scree).all(|(a, b)| near(a.stress, b.stress)));
 }
 
@@ -608,4 +626,244 @@ fn a_study_takes_its_trials_and_what_their_conditions_ask_for() {
     assert_eq!(minutes(&study, 0), 48.0 * 15.0 / 60.0);
     // Group 2 rates what group 1 compares.
     assert_eq!(study.rendered().len(), 6 * 4);
+}
+
+type Table = BTreeMap<String, BTreeMap<String, f64>>;
+
+/// The numbers of a CSV table by the words of their lines, without the columns that the script does not have.
+fn numbers(text: &str) -> Table {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let names = reader.headers().expect("a header").clone();
+    let mut table = Table::new();
+    for line in reader.records() {
+        let line = line.expect("a line");
+        let cells = || names.iter().zip(line.iter()).filter(|(name, _)| *name != "simulated");
+        let words = ["phase", "test", "of", "term", "surface", "from", "to", "kind", "with"];
+        // A correlation is that of its scales in any order.
+        let mut key: Vec<&str> =
+            cells().filter(|(name, _)| words.contains(name)).map(|(_, cell)| cell).collect();
+        key.sort_unstable();
+        let number = |(name, cell): (&str, &str)| Some((name.to_owned(), cell.parse().ok()?));
+        assert!(table.insert(key.join("|"), cells().filter_map(number).collect()).is_none(), "{key:?} twice");
+    }
+    table
+}
+
+/// Runs the script for R in a folder of data, and compares all of its numbers with those of the analysis; how many there were.
+fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
+    let study = data.study().expect("a study");
+    let analysis = Analysis::of(&study, data).expect("analysed");
+    let folder = data.path().join("analysis");
+    fs::create_dir_all(&folder).expect("a folder");
+    fs::write(folder.join("analysis.R"), study.r_script()).expect("written");
+    let run = Command::new("Rscript").arg(folder.join("analysis.R")).env("LC_ALL", locale).output().ok()?;
+    let (out, errors) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    // So R prints what a locale does not have.
+    let letters = [("<U+00E9>", "é"), ("<U+00DF>", "ß"), ("<U+00E4>", "ä")];
+    let out = letters.iter().fold(out.into_owned(), |out, (code, letter)| out.replace(code, letter));
+    assert!(run.status.success(), "{errors}");
+    assert_eq!(out.contains("# map of "), out.contains("\n# 3 "), "{out}");
+    let own: BTreeMap<_, _> = analysis.tables().expect("tables").into_iter().collect();
+    let mut count = 0;
+    for name in ["variance", "comparisons", "relations"] {
+        let Some((_, text)) = out.split_once(&format!("# {name}\n")) else {
+            assert!(!own.contains_key(&*format!("{name}.csv")), "{name}: {out}");
+            continue;
+        };
+        let (theirs, own) =
+            (numbers(text.split("\n#").next().unwrap_or("")), numbers(&own[&*format!("{name}.csv")]));
+        assert_eq!(own.keys().collect::<Vec<_>>(), theirs.keys().collect::<Vec<_>>(), "{name}");
+        for (key, line) in &theirs {
+            for (column, value) in line {
+                let ours = own[key].get(column).unwrap_or_else(|| panic!("{name}, {key}: no {column}"));
+                assert!(
+                    (ours - value).abs() <= 1e-6 * value.abs().max(1.0),
+                    "{name}, {key}, {column}: {ours} {value}"
+                );
+                count += 1;
+            }
+            for column in ["f", "p", "difference", "value"] {
+                assert_eq!(
+                    own[key].contains_key(column),
+                    line.contains_key(column),
+                    "{name}, {key}, {column}"
+                );
+            }
+        }
+    }
+    Some(count)
+}
+
+#[test]
+fn r_finds_the_same_statistics() {
+    let all_of = |study: &Checked, text: &str, odd: bool| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let people = people(folder.path(), study, text);
+        // A space in its path.
+        let data = opened(&folder.path().join("the data"), study, &People::indifferent()).expect("a folder");
+        let groups = study.study.group_count();
+        for (number, code) in people_codes(7 * groups).enumerate() {
+            let mut claim = data.claim(&code, study.study.group_name(number % groups), true).expect("free");
+            study
+                .simulate(&registry(), (&mut claim, number % groups), &people, None, usize::MAX)
+                .expect("it runs");
+            let again = claim.rows()[claim.rows().len() - 1].clone();
+            if odd && number == 2 {
+                claim.keep(Row { status: Status::Skipped, rating: None, ..again }, &[]).expect("kept");
+            } else if odd && number == 3 {
+                claim.keep(Row { rating: Some(0.1), ..again }, &[]).expect("kept");
+            }
+        }
+        if odd {
+            data.remove("S006").expect("removed");
+            let path = folder.path().join("the data/trials.csv");
+            let text = fs::read_to_string(&path).expect("trials");
+            fs::write(&path, format!("\u{feff}{text}S001,all,1,2,answe")).expect("written");
+        }
+        ["C", "C.UTF-8"].map(|locale| compare_with_r(&data, locale))
+    };
+    let pairs = r#"People(format: 1, values: { "roughness": { "T1": 0.2, "T4": -0.3 } }, places: { "T1, real": [0.2, 0.1],
+        "T2, real": [0.5, 0.1], "T3, real": [0.3, 0.6], "T4, virtual": [0.1, 0.9], "T5, real": [0.4, 0.2], "T1, virtual": [0.7, 0.0],
+        "T2, virtual": [0.2, 0.8], "T3, virtual": [0.5, 0.5], "T4, real": [0.9, 0.9], "T5, virtual": [0.6, 0.3] })"#;
+    let effect = r#"People(format: 1, values: { "similarity": { "silk": 0.2, "tile": -0.1 } })"#;
+    let folder = tempfile::tempdir().expect("a folder");
+    let odd = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron",
+        surfaces: { "caf\u{e9} \"1\"": (file: "GRAPHS/surfaces/t3-tile.ron", sample: "1"), "b": (file: "GRAPHS/surfaces/t3-tile.ron", sample: "2") },
+        versions: { "loud, or": {}, "so\u{df}ft": { "gain": 0.1 }, "B": { "gain": 0.2 } }, scales: { "\u{e4}\\n": (ask: "?", from: "a", to: "b") },
+        phases: { "r\"a\\te": Rate(stimuli: [Real, Virtual], repeats: 2), "c": Compare(scale: "\u{e4}\\n", repeats: 2) })"#;
+    let odd = written(folder.path(), odd).expect("valid");
+    let found = [
+        all_of(&shipped("responsiveness.ron"), effect, false),
+        all_of(&shipped("components.ron"), effect, false),
+        all_of(&shipped("real-and-virtual.ron"), pairs, false),
+        all_of(&odd, "People(format: 1)", true),
+    ];
+    // Without R there is nothing to compare.
+    if let Some(counts) = found.concat().into_iter().collect::<Option<Vec<usize>>>() {
+        assert!(counts.iter().all(|count| *count > 80), "{counts:?}");
+    }
+}
+
+#[test]
+fn similarity_that_follows_what_a_signal_loses_gives_its_slope_back() {
+    let study = shipped("responsiveness.ron");
+    let textures = study.study.surfaces.0.iter().map(|(name, of)| {
+        let surface = haptograph_surfaces::files::load(of.file.as_ref().expect("a file")).expect("a surface");
+        (name.text.as_str(), surface.texture.expect("a texture"))
+    });
+    let textures: Vec<_> = textures.collect();
+    let losses =
+        condition_losses(&textures.iter().map(|(name, texture)| (*name, texture)).collect::<Vec<_>>());
+    const SLOPE: f64 = 2000.0;
+    // The similarity of F falls by a fiftieth for each (m/s²)², that of phi by a hundredth for each unit of SD.
+    let values = losses.iter().filter_map(|of| match of.condition {
+        Condition::Force => Some(format!("\"{}, F\": {}", of.surface, -of.loss.power / SLOPE)),
+        Condition::Neither => Some(format!("\"{}, phi\": {}", of.surface, -0.01 * of.difference?)),
+        _ => None,
+    });
+    let values: String = values.map(|value| value + ", ").collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let people = people(
+        folder.path(),
+        &study,
+        &format!(r#"People(format: 1, bias_sd: 0, noise_sd: 0, values: {{ "similarity": {{ {values} }} }})"#),
+    );
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+    for code in people_codes(2) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
+    }
+    let mut analysis = Analysis::of(&study.study, &data).expect("analysed");
+    analysis.add_responsiveness(&study, &data).expect("added");
+    let row = |analysis: &Analysis, version: &str, property: &str| {
+        let is_it = |row: &&RelationRow| row.of == version && row.with.starts_with(property);
+        analysis.relations.iter().find(is_it).cloned().expect("a row")
+    };
+    for (version, property, slope) in [("F", "P,", 1.0 / SLOPE), ("phi", "SD", 0.01)] {
+        let found = row(&analysis, version, property);
+        assert!((found.value / slope - 1.0).abs() < 1e-9, "{found:?}");
+        assert!((found.r_squared.expect("R2") - 1.0).abs() < 1e-9 && found.count == 6, "{found:?}");
+    }
+    // The answers to S are all the same.
+    assert!(analysis.left_out.iter().any(|why| why.contains("S on SD")), "{:?}", analysis.left_out);
+    let another = Analysis::default().add_responsiveness(&shipped("first.ron"), &data);
+    assert!(matches!(another, Err(DataError::OtherStudy { .. })));
+    // A surface that has changed since is left out.
+    let mut other = study.clone();
+    let tile = other.study.surfaces.find("tile").expect("a surface");
+    other.study.surfaces.0[tile].1.file = other.study.surfaces.0[0].1.file.clone();
+    let mut changed = Analysis::of(&study.study, &data).expect("analysed");
+    changed.add_responsiveness(&other, &data).expect("added");
+    assert_eq!(row(&changed, "F", "P,").count, 5);
+    assert!(changed.left_out.iter().any(|why| why.contains("tile") && why.contains("presented")));
+}
+
+#[test]
+fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
+    let beside = |name: &str, surface: &str| {
+        let study = shipped(name);
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
+        let groups = study.study.group_count();
+        for (number, code) in people_codes(6 * groups).enumerate() {
+            let mut claim = data.claim(&code, study.study.group_name(number % groups), true).expect("free");
+            let people = People::indifferent();
+            study
+                .simulate(&registry(), (&mut claim, number % groups), &people, None, usize::MAX)
+                .expect("it runs");
+        }
+        // The toolkit's surface, as a file may be called.
+        let table = folder.path().join("trials.csv");
+        let text = fs::read_to_string(&table).expect("trials");
+        fs::write(&table, text.replace(&format!(",{surface},"), ",abs-plastic,")).expect("written");
+        let analysis = Analysis::of(&study.study, &data).expect("analysed");
+        let rows = analysis.beside_thesis(&study.study).expect("a study of the thesis");
+        assert!(rows.iter().all(|row| !row.own.is_null() && !row.thesis.is_null()), "{rows:?}");
+        rows
+    };
+    let thesis = |rows: &[BesideRow], what: &str| {
+        rows.iter()
+            .find(|row| row.what == what)
+            .unwrap_or_else(|| panic!("{what}: {rows:?}"))
+            .thesis
+            .to_string()
+    };
+    let rows = beside("real-and-virtual.ron", "none");
+    // F and p of two factors on four scales, four coefficients, two R2; nothing of the ratings that the thesis discards.
+    assert_eq!(rows.len(), 4 * 4 + 4 + 2);
+    assert!(rows.iter().all(|row| row.phase != "adjectives after pairs"));
+    assert_eq!(thesis(&rows, "roughness, surface: F"), "52.18");
+    assert_eq!(thesis(&rows, "slipperiness, version: F"), "99.91");
+    assert_eq!(thesis(&rows, "dissimilarity on difference of fineness"), "0.366");
+    let rows = beside("responsiveness.ron", "plastic");
+    // Six surfaces of other names say how many differ, and one has p.
+    assert_eq!(rows.len(), 3 + 3);
+    assert_eq!(thesis(&rows, "surfaces on which F is less similar than FS, p < 0.05"), "\"11 of 15\"");
+    assert_eq!(thesis(&rows, "surfaces on which S is less similar than FS, p < 0.05"), "\"0 of 15\"");
+    assert_eq!(thesis(&rows, "abs-plastic, phi against FS: p"), "0.0000875");
+    let rows = beside("components.ron", "plastic");
+    assert_eq!(rows.len(), 3 + 3 + 2 * 3);
+    assert_eq!(
+        thesis(&rows, "surfaces on which no texture is less similar than all, p < 0.05"),
+        "\"10 of 15\""
+    );
+    let table = |number: &str, what: &str| {
+        let source = format!("Table {number}");
+        rows.iter()
+            .find(|row| row.source == source && row.what == what)
+            .expect("a correlation")
+            .thesis
+            .to_string()
+    };
+    assert_eq!(table("4.3", "slipperiness and roughness: r"), "-0.91");
+    assert_eq!(table("4.4", "slipperiness and hardness: r"), "\"0.21 or 0.24\"");
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = shipped("first.ron");
+    let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
+    let none = Analysis::of(&study.study, &data).expect("analysed").beside_thesis(&study.study);
+    assert!(none.expect_err("no study of the thesis").to_string().contains("thesis: \"3.3\""));
+    let wrong = GATED
+        .replace("seed: 5", "seed: 5, thesis: \"4.7\"")
+        .replace("PORT", r#"port: "way so far", at_least_cm: 50"#);
+    assert_eq!(codes(written(folder.path(), &wrong).unwrap_err()), ["E0304"]);
 }

@@ -24,6 +24,7 @@ pub mod studentized_range;
 pub mod tukey;
 mod variance;
 
+use haptograph_signal::statistics::{mean, standard_deviation};
 use nalgebra::DMatrix;
 use serde::Serialize;
 use thiserror::Error;
@@ -90,6 +91,17 @@ pub struct Estimate {
     pub low: f64,
     /// Upper end of the interval.
     pub high: f64,
+}
+
+/// The mean of values with its interval by t.
+pub(crate) fn mean_interval(values: &[f64], confidence: f64) -> Result<Estimate, StatisticsError> {
+    at_least("values", values.len(), 2)?;
+    all_finite("values", values)?;
+    is_probability("confidence", confidence)?;
+    let (value, count) = (mean(values), values.len() as f64);
+    let reach =
+        distributions::t_quantile(1.0 - confidence, count - 1.0) * standard_deviation(values) / count.sqrt();
+    Ok(Estimate { value, low: value - reach, high: value + reach })
 }
 
 /// An error unless every value is finite.

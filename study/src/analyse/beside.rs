@@ -1,0 +1,195 @@
+//! The thesis's printed numbers beside one's own, where both mean the same.
+
+use super::{Analysis, ComparisonRow, RAW, SIGNIFICANT, THESIS, rated, responsiveness};
+use crate::document::{Phase, Study};
+use crate::thesis::published;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// The studies of the thesis that a file can repeat.
+pub(crate) const REPEATED_STUDIES: [&str; 3] = ["3.3", "4.5", "4.6"];
+
+/// A number of one's own beside that of the thesis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct BesideRow {
+    pub phase: String,
+    pub what: String,
+    pub own: Value,
+    pub thesis: Value,
+    /// Where the thesis has it.
+    pub source: &'static str,
+}
+
+/// Why there is nothing to lay beside.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the study does not say which study of the thesis it repeats; add `thesis: \"3.3\"`, \"4.5\" or \"4.6\" to its file before the first participant"
+)]
+pub struct RepeatsNone;
+
+/// Letters and digits of a name: the toolkit's files write it in other ways.
+fn plain(name: &str) -> String {
+    name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
+}
+
+impl Analysis {
+    /// The thesis's numbers beside one's own.
+    ///
+    /// # Errors
+    /// If the study does not say which of the thesis's it repeats.
+    pub fn beside_thesis(&self, study: &Study) -> Result<Vec<BesideRow>, RepeatsNone> {
+        let number = study.thesis.as_deref().ok_or(RepeatsNone)?;
+        let mut beside =
+            Beside { analysis: self, numbers: &published()["studies"][number], rows: Vec::new() };
+        match number {
+            "3.3" => beside.textures(study),
+            "4.5" => {
+                let of = |version| format!("p_{version}_against_FS");
+                let versions = ["F", "S", "phi"].map(|version| (version, of(version)));
+                beside.versions(study, ("FS", THESIS, "4.5.3"), &versions);
+                beside.slopes();
+            }
+            "4.6" => {
+                let of = |part: &str| format!("p_without_{part}");
+                let versions =
+                    [("no friction", of("friction")), ("no taps", of("taps")), ("no texture", of("texture"))];
+                beside.versions(study, ("all", RAW, "4.6.3"), &versions);
+                beside.correlations();
+            }
+            _ => return Err(RepeatsNone),
+        }
+        Ok(beside.rows)
+    }
+}
+
+struct Beside<'a> {
+    analysis: &'a Analysis,
+    /// Of the study.
+    numbers: &'static Value,
+    rows: Vec<BesideRow>,
+}
+
+impl Beside<'_> {
+    fn add(&mut self, (phase, source): (&str, &'static str), what: String, own: Value, thesis: &Value) {
+        if !thesis.is_null() {
+            let (phase, thesis) = (phase.to_owned(), thesis.clone());
+            self.rows.push(BesideRow { phase, what, own, thesis, source });
+        }
+    }
+
+    /// Study 3.3: ratings over each person's deviation, their regression on dissimilarity, and the map.
+    fn textures(&mut self, study: &Study) {
+        let (analysis, numbers) = (self.analysis, self.numbers);
+        for row in analysis.variance.iter().filter(|row| row.phase == rated(study) && row.test == THESIS) {
+            let term = match row.term {
+                "surface" => "texture",
+                // The thesis has two levels, real and virtual.
+                "version" if row.df == 1.0 => "real_virtual",
+                _ => continue,
+            };
+            let thesis = &numbers["anova"][&row.of][term];
+            let what = |of: &str| format!("{}, {}: {of}", row.of, row.term);
+            self.add((&row.phase, "3.3.3"), what("F"), json!(row.f), &thesis["F"]);
+            self.add((&row.phase, "3.3.3"), what("p"), json!(row.p), &thesis["p"]);
+        }
+        let regression = &numbers["regression"];
+        let terms = regression["terms"].as_array().into_iter().flatten();
+        let mut r_squared = None;
+        for (at, term) in terms.enumerate() {
+            let is_it = |row: &&super::RelationRow| row.kind.contains("Eq. 3.3.1") && term == &*row.with;
+            let Some(row) = analysis.relations.iter().find(is_it) else { continue };
+            let what = format!("dissimilarity on difference of {}", row.with);
+            self.add((&row.phase, "Eq. 3.3.1"), what, json!(row.value), &regression["coefficients"][at]);
+            r_squared = Some((&row.phase, row.r_squared));
+        }
+        if let Some((phase, own)) = r_squared {
+            self.add(
+                (phase, "Eq. 3.3.1"),
+                "dissimilarity on all differences: R2".into(),
+                json!(own),
+                &regression["r2"],
+            );
+        }
+        let dimensions = numbers["mds"]["map_dimensions"].as_u64().unwrap_or_default() as usize;
+        for row in analysis.scree.iter().filter(|row| row.dimensions == dimensions) {
+            let what = format!("map in {dimensions} dimensions: R2");
+            self.add((&row.phase, "3.3.3"), what, json!(row.r_squared), &numbers["mds"]["r2_at_least"]);
+        }
+    }
+
+    /// Versions against the reference: on how many surfaces they are less similar, and p on surfaces of the thesis's names.
+    fn versions(
+        &mut self,
+        study: &Study,
+        (reference, test, source): (&str, &str, &'static str),
+        versions: &[(&str, String)],
+    ) {
+        let analysis = self.analysis;
+        let compared = study.phases.0.iter().filter_map(|(name, phase)| match phase {
+            Phase::Compare(of) if study.reference(of) == reference => Some(&*name.text),
+            _ => None,
+        });
+        for (phase, (version, key)) in compared.flat_map(|phase| versions.iter().map(move |of| (phase, of))) {
+            let is_pair = |row: &&ComparisonRow| {
+                let pair = [&*row.from, &*row.to];
+                row.phase == phase
+                    && row.test == test
+                    && (pair == [*version, reference] || pair == [reference, *version])
+            };
+            let own: Vec<&ComparisonRow> = analysis.comparisons.iter().filter(is_pair).collect();
+            let is_less = |row: &&&ComparisonRow| {
+                let sign = if row.to == *version { 1.0 } else { -1.0 };
+                row.p < SIGNIFICANT && row.difference.is_some_and(|difference| sign * difference < 0.0)
+            };
+            let Some(printed) = self.numbers[key].as_object().filter(|_| !own.is_empty()) else { continue };
+            let count = |some: usize, all: usize| json!(format!("{some} of {all}"));
+            let found = count(own.iter().filter(is_less).count(), own.len());
+            let thesis = count(printed.values().filter(|p| !p.is_null()).count(), printed.len());
+            let what = format!("surfaces on which {version} is less similar than {reference}, p < 0.05");
+            self.add((phase, source), what, found, &thesis);
+            for row in own {
+                let named = printed.iter().find(|(name, _)| plain(name) == plain(&row.surface));
+                let Some((_, p)) = named else { continue };
+                let p = if p.is_null() { json!("not significant") } else { p.clone() };
+                let what = format!("{}, {version} against {reference}: p", row.surface);
+                self.add((phase, source), what, json!(row.p), &p);
+            }
+        }
+    }
+
+    /// Table 4.2: the thesis prints no units of its slopes, so that only R2 means the same.
+    fn slopes(&mut self) {
+        let table = &published()["tables"]["4.2"]["rows"];
+        for row in self.analysis.relations.iter().filter(|row| row.kind == responsiveness::KIND) {
+            let line = table.as_array().into_iter().flatten().find(|line| line[0] == *row.of);
+            let column = ["P", "SC", "SD"].iter().position(|name| row.with.split(',').next() == Some(name));
+            if let Some((line, column)) = line.zip(column) {
+                let what = format!("decrease of similarity of {} on {}: R2", row.of, row.with);
+                self.add((&row.phase, "Table 4.2"), what, json!(row.r_squared), &line[2 * column + 2]);
+            }
+        }
+    }
+
+    /// Tables 4.3 and 4.4: correlations of the ratings of real and of virtual surfaces.
+    fn correlations(&mut self) {
+        let analysis = self.analysis;
+        for row in analysis.relations.iter().filter(|row| row.kind == "correlation") {
+            let rated = || analysis.means.iter().filter(|mean| mean.phase == row.phase);
+            let (number, source) = match () {
+                () if rated().all(|mean| mean.version == "real") => ("4.3", "Table 4.3"),
+                () if rated().all(|mean| mean.version == "all") => ("4.4", "Table 4.4"),
+                () => continue,
+            };
+            let table = &published()["tables"][number];
+            let at = |scale: &String| table["labels"].as_array()?.iter().position(|label| label == scale);
+            let Some((a, b)) = at(&row.of).zip(at(&row.with)) else { continue };
+            let (a, b) = (a.min(b), a.max(b));
+            let (above, below) = (&table["values"][a][b], &table["values"][b][a]);
+            // Table 4.4 is not symmetric in print.
+            let printed = if above == below { above.clone() } else { json!(format!("{above} or {below}")) };
+            let names = [a, b].map(|at| table["labels"][at].as_str().unwrap_or_default());
+            self.add((&row.phase, source), names.join(" and ") + ": r", json!(row.value), &printed);
+        }
+    }
+}
