@@ -36,6 +36,7 @@ mod run_cycle;
 mod run_page;
 mod scope;
 mod stage;
+mod study;
 mod talk;
 mod wire;
 

@@ -1,7 +1,7 @@
 //! The pages connected to a stage.
 
 use super::page_clock::PageClock;
-use super::stage::study::OnStage;
+use super::study::OnStage;
 use super::wire::{Message, ScopeRequest};
 
 /// Channel for the messages to a page.

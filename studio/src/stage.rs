@@ -7,7 +7,7 @@ mod pages;
 mod record;
 mod replay;
 mod run_cycle;
-pub(crate) mod study;
+mod study;
 mod swap;
 
 use super::actuators::{Actuator, Sound};

@@ -23,14 +23,14 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // their files; 170 for clips.
     ("learning", 15_400, 9_500),
     // 155 for materials that stick and slip, strokes from rest, and static friction.
-    ("nodes", 14_365, 13_000),
+    ("nodes", 14_415, 13_000),
     ("live", 6_510, 6_000),
-    ("report", 7_745, 6_000),
-    // Studies with people, new in this house.
-    ("study", 3_700, 3_600),
-    ("studio", 5_250, 3_300),
-    // 475 for `study` and `thesis`.
-    ("src", 9_730, 6_300),
+    ("report", 7_975, 6_000),
+    // Studies with people, new in this house: document, orders, sessions, data, statistics, figures.
+    ("study", 5_405, 3_600),
+    ("studio", 5_565, 3_300),
+    // 1,300 for `study`, `thesis` and `surface headroom`.
+    ("src", 10_560, 6_300),
     ("bindings", 3_450, 3_100),
 ];
 
@@ -41,10 +41,10 @@ const PUBLIC: [(&str, usize); 11] = [
     ("engine", 733),
     ("surfaces", 387),
     ("learning", 379),
-    ("nodes", 411),
+    ("nodes", 412),
     ("live", 228),
-    ("report", 147),
-    ("study", 157),
+    ("report", 157),
+    ("study", 215),
     ("studio", 50),
     ("src", 20),
     ("bindings", 45),

@@ -4,6 +4,7 @@ use super::super::error::other;
 use super::super::pads::Pad;
 use super::super::pages::Reach;
 use super::super::run_cycle::{NextRun, State};
+use super::super::study::OnStage;
 use super::super::talk::Response;
 use super::super::wire::{ClientMessage, text};
 use super::Stage;
@@ -12,32 +13,6 @@ use haptograph_engine::run::ARM_HOLD_S;
 use haptograph_study::conduct::{Conductor, Presentation, Said, Step};
 use serde_json::{Value, json};
 use std::time::Instant;
-
-/// A study that is being run on a stage.
-pub(crate) struct OnStage {
-    conductor: Conductor,
-    begun: Instant,
-    /// What each kind of page was told last.
-    told: [Value; 2],
-    /// The run that follows once the one before has fallen to zero.
-    pub presentation: Option<Presentation>,
-    /// When the experimenter's page held the actuators last.
-    held: Option<Instant>,
-    /// In a page there is no study: the compiler leaves it out.
-    #[cfg(target_family = "wasm")]
-    never: std::convert::Infallible,
-}
-
-impl OnStage {
-    #[cfg(not(target_family = "wasm"))]
-    pub(crate) fn new(conductor: Conductor) -> Self {
-        Self { conductor, begun: Instant::now(), told: Default::default(), presentation: None, held: None }
-    }
-
-    fn now_s(&self) -> f64 {
-        self.begun.elapsed().as_secs_f64()
-    }
-}
 
 impl Stage {
     /// True if the participant's page may hear what is rendered.
