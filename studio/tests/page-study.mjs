@@ -132,9 +132,13 @@ async function step(experimenter, participant, how, look = async () => {}) {
         }
         await strokeBy[how](participant, await participant.locator("#pad").boundingBox());
     }
-    await until(participant, () => participant.view.open);
+    await until(participant, () => participant.view.open).catch(async () => {
+        const { input, turns, conditions, begins } = await participant.evaluate(() => participant.view);
+        throw new Error(`the answer never opened, by ${how}: ${JSON.stringify({ input, turns, conditions, begins })}`);
+    });
     await markBy(how, participant, view.input.kind);
     await look(await participant.evaluate(() => participant.view));
+    await until(participant, () => !document.getElementById("next").disabled);
     await (how === "keys" && view.input.kind === "line" ? participant.keyboard.press("Enter") : participant.click("#next"));
     await until(participant, (trial) => participant.view.trial !== trial || participant.view.state !== "trial", view.trial);
     return true;
