@@ -168,9 +168,14 @@ impl CommandResult for Plan {
         let row = |trial: &Row| {
             let first = name(&trial.first_surface, &trial.first_version);
             let second = name(&trial.second_surface, &trial.second_version);
+            let is_staircase = trial.level.is_none() && !second.is_empty() && first == second;
             let swapped = trial.second_is_left_or_earlier;
             let [left, right] = if swapped { [second, first] } else { [first, second] };
-            let level = trial.level.map_or_else(String::new, |level| significant(level, 4));
+            let level = match trial.level {
+                Some(level) => significant(level, 4),
+                None if is_staircase => "by the answers".to_owned(),
+                None => String::new(),
+            };
             let phase = format!("{}{}", trial.phase, if trial.training { " (training)" } else { "" });
             vec![trial.trial.to_string(), phase, trial.scale.clone(), left, right, level]
         };
@@ -289,9 +294,13 @@ impl Analysed {
         for row in &of.thresholds {
             let whose = if row.participant.is_empty() { "all" } else { &row.participant };
             let (threshold, low, high) = (number(row.threshold), number(row.low), number(row.high));
+            let warning = if row.slope_at_bound { ", but too few answers between guessed and known" } else { "" };
             text += &format!(
-                "{}, {}: threshold {threshold} ({low} to {high}), {} trials\n",
-                row.phase, whose, row.trials
+                "{}, {whose}: {} % are right at a difference of {threshold} ({low} to {high}) from {}, {} trials{warning}\n",
+                row.phase,
+                number(100.0 * row.at(row.threshold)),
+                number(row.standard),
+                row.trials
             );
         }
         for row in &of.scree {
@@ -320,7 +329,7 @@ impl Analysed {
 
 /// A number of three digits.
 fn number(value: f64) -> String {
-    significant(value, 3)
+    if value.is_nan() { "–".to_owned() } else { significant(value, 3) }
 }
 
 fn maybe(value: Option<f64>) -> String {

@@ -151,12 +151,16 @@ pub struct ThresholdRow {
     /// Empty for all participants together.
     pub participant: String,
     pub trials: u32,
+    /// From which the threshold is a difference.
+    pub standard: f64,
     pub threshold: f64,
     pub low: f64,
     pub high: f64,
     pub slope: f64,
     pub lapse: f64,
     pub p_of_deviance: f64,
+    /// True if the answers do not determine the slope.
+    pub slope_at_bound: bool,
 }
 
 /// Answers at one level.
@@ -734,12 +738,14 @@ impl Analysis {
                     phase: phase.to_owned(),
                     participant,
                     trials: blocks.iter().map(|block| block.trials).sum(),
+                    standard,
                     threshold: found.threshold.value,
                     low: found.threshold.low,
                     high: found.threshold.high,
                     slope: found.slope.value,
                     lapse: found.lapse.value,
                     p_of_deviance: found.p,
+                    slope_at_bound: found.slope_at_bound,
                 });
             }
         }

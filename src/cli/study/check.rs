@@ -120,7 +120,8 @@ impl CommandResult for CheckedStudy {
             );
             for PhaseOf { kind, lacking, phase, training, trials } in &group.phases {
                 let training = if *training > 0 { format!(", {training} training") } else { String::new() };
-                text += &format!("  {phase}: {kind}, {trials} trials{training}\n");
+                let most = if *kind == "staircase" { "at most " } else { "" };
+                text += &format!("  {phase}: {kind}, {most}{trials} trials{training}\n");
                 if !lacking.is_empty() {
                     let names = lacking.join(", ");
                     text += &format!("    without a `sample` or a `file` that others have: {names}\n");
