@@ -294,13 +294,28 @@ impl Analysed {
         for row in &of.thresholds {
             let whose = if row.participant.is_empty() { "all" } else { &row.participant };
             let (threshold, low, high) = (number(row.threshold), number(row.low), number(row.high));
-            let warning = if row.slope_at_bound { ", but too few answers between guessed and known" } else { "" };
+            let warning =
+                if row.slope_at_bound { ", but too few answers between guessed and known" } else { "" };
             text += &format!(
                 "{}, {whose}: {} % are right at a difference of {threshold} ({low} to {high}) from {}, {} trials{warning}\n",
                 row.phase,
                 number(100.0 * row.at(row.threshold)),
                 number(row.standard),
                 row.trials
+            );
+        }
+        for row in &of.choices {
+            let (share, low, high) =
+                (number(100.0 * row.share_of_first), number(100.0 * row.low), number(100.0 * row.high));
+            text += &format!(
+                "{}: {} rather than {}: {share} % ({low} to {high}) of {} answers, p {} (sign test over {} people: p {})\n",
+                row.phase,
+                row.first,
+                row.second,
+                row.answers,
+                number(row.p_of_answers),
+                row.people,
+                number(row.p_of_people)
             );
         }
         for row in &of.scree {

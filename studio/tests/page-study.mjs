@@ -27,12 +27,14 @@ const STUDY = `Study(
         }),
         "marmot": Rate(text: "Streiche darüber.", stimuli: [Real, Virtual], opens_when: { "gedrückt": (port: "stylus.force", at_least_n: 0.2) }),
         "jaguar": Pairs(scale: "bogey", surfaces: ["wolfram"], stimuli: [Virtual]),
+        "rook": Break(text: "Pause.", at_least_s: 1),
+        "finch": TwoAlternative(ask: "Was ist echter?", surfaces: ["wolfram"]),
         "emu": ConstantStimuli(ask: "Was ist stärker?", surface: "wolfram", parameter: "gain", standard: 1.0, levels: [1.5], repeats: 1),
     },
 )`;
-const SECRETS = ["zeppelin", "zircon", "wolfram", "zulu", "quokka", "xylem", "0.8125", "bogey", "marmot", "jaguar", "emu", "yak", "vole", "lynx"];
+const SECRETS = ["zeppelin", "zircon", "wolfram", "zulu", "quokka", "xylem", "0.8125", "bogey", "marmot", "jaguar", "emu", "yak", "vole", "lynx", "rook", "finch"];
 SECRETS.push("ibex", "vinyl", ".ron", "texturepad", "1.5");
-const TRIALS = 3 + 5 + 1 + 1;
+const TRIALS = 3 + 5 + 1 + 1 + 1 + 1;
 const KILLS = Number(process.env.KILLS ?? 8);
 
 const study = (more = {}) => studioOf("study.ron", { files: { "study.ron": STUDY }, command: ["study", "run"], count: 2, ...more });

@@ -10,10 +10,11 @@ pub use beside::{BesideRow, RepeatsNone};
 
 use crate::data::{Folder, Row, lines};
 use crate::document::{End, Phase, Study};
+use crate::power::Share;
 use crate::statistics::anova::{self, Term, centred_by_person, columns};
 use crate::statistics::effect::{equivalence, paired_effect};
 use crate::statistics::psychometric::{Block, FitSettings, Shape, fit};
-use crate::statistics::ranks::{friedman, wilcoxon_pairs};
+use crate::statistics::ranks::{friedman, sign_test, wilcoxon_pairs};
 use crate::statistics::regression::{correlation_matrix, regress};
 use crate::statistics::repeated::{self, WithinTerm};
 use crate::statistics::space::perceptual_space;
@@ -163,6 +164,27 @@ pub struct ThresholdRow {
     pub slope_at_bound: bool,
 }
 
+/// How often one of two was chosen.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct ChoiceRow {
+    pub phase: String,
+    pub first: String,
+    pub second: String,
+    pub answers: u64,
+    /// Share of answers that chose the first one, with its 95 % interval (Wilson 1927).
+    pub share_of_first: f64,
+    pub low: f64,
+    pub high: f64,
+    /// Sign test over answers, as if each were of another person.
+    pub p_of_answers: f64,
+    /// Number of people, and of those who chose the first one more often.
+    pub people: u64,
+    pub people_for_first: u64,
+    /// Sign test over people, without those who chose both as often.
+    pub p_of_people: f64,
+}
+
 /// Answers at one level.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
@@ -194,6 +216,8 @@ pub struct Analysis {
     pub variance: Vec<VarianceRow>,
     /// Comparisons of versions.
     pub comparisons: Vec<ComparisonRow>,
+    /// Choices of one of two.
+    pub choices: Vec<ChoiceRow>,
     /// Correlations and regressions.
     pub relations: Vec<RelationRow>,
     /// Maps.
@@ -389,7 +413,12 @@ impl Analysis {
                         &of_phase,
                     );
                 }
-                Phase::Practice(_) | Phase::Explore(_) | Phase::Record(_) | Phase::Questions(_) => {}
+                Phase::TwoAlternative(_) => analysis.choices(&name.text, &of_phase),
+                Phase::Practice(_)
+                | Phase::Explore(_)
+                | Phase::Record(_)
+                | Phase::Break(_)
+                | Phase::Questions(_) => {}
             }
         }
         analysis
@@ -751,6 +780,40 @@ impl Analysis {
         }
     }
 
+    /// How often one of each pair was chosen.
+    fn choices(&mut self, phase: &str, rows: &[&Row]) {
+        let names = |row: &Row| {
+            [(&row.first_surface, &row.first_version), (&row.second_surface, &row.second_version)]
+                .map(|(surface, version)| format!("{surface}, {version}"))
+        };
+        let mut pairs: BTreeMap<[String; 2], BTreeMap<&str, [u64; 2]>> = BTreeMap::new();
+        for row in rows.iter().filter(|row| !row.choice.is_empty()) {
+            let pair = names(row);
+            let is_first = row.choice == pair[0];
+            let of = pairs.entry(pair).or_default().entry(&row.participant).or_default();
+            of[usize::from(!is_first)] += 1;
+        }
+        for ([first, second], people) in pairs {
+            let sum = |at: usize| people.values().map(|of| of[at]).sum::<u64>();
+            let (count, answers) = (sum(0), sum(0) + sum(1));
+            let more = |at: usize| people.values().filter(|of| of[at] > of[1 - at]).count() as u64;
+            let share = Share::of(count as usize, answers as usize);
+            self.choices.push(ChoiceRow {
+                phase: phase.to_owned(),
+                first,
+                second,
+                answers,
+                share_of_first: share.share,
+                low: share.low,
+                high: share.high,
+                p_of_answers: sign_test(count, answers),
+                people: people.len() as u64,
+                people_for_first: more(0),
+                p_of_people: sign_test(more(0), more(0) + more(1)),
+            });
+        }
+    }
+
     /// Marks of a version that differs from the reference by Tukey's test, p below 0.05: `*` as in the thesis, `†` with repeated
     /// measures.
     pub fn marks(&self, phase: &str, surface: &str, [version, reference]: [&str; 2]) -> String {
@@ -787,6 +850,7 @@ impl Analysis {
             ("scree.csv", table(lines(&self.scree, true)?)),
             ("thresholds.csv", table(lines(&self.thresholds, true)?)),
             ("levels.csv", table(lines(&self.levels, true)?)),
+            ("choices.csv", table(lines(&self.choices, true)?)),
         ];
         Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
     }

@@ -371,6 +371,15 @@ impl Checked {
 }
 
 impl Phase {
+    /// Length of a trial that ends by the clock, s.
+    pub(crate) fn length_s(&self) -> Option<f64> {
+        match self {
+            Self::Record(of) => Some(of.seconds),
+            Self::Break(of) => Some(of.at_least_s),
+            _ => None,
+        }
+    }
+
     /// What has to be reached before an answer opens.
     pub fn gates(&self) -> Option<&Named<Gate>> {
         match self {
@@ -379,6 +388,7 @@ impl Phase {
             Self::Compare(phase) => Some(&phase.opens_when),
             Self::Pairs(phase) => Some(&phase.opens_when),
             Self::ConstantStimuli(phase) => Some(&phase.opens_when),
+            Self::TwoAlternative(phase) => Some(&phase.opens_when),
             _ => None,
         }
     }
@@ -400,6 +410,7 @@ impl Phase {
             Self::Rate(of) => (&of.stimuli, &of.surfaces),
             Self::Pairs(of) => (&of.stimuli, &of.surfaces),
             Self::Compare(of) => (&[Presented::Real, ALL_VERSIONS], &of.surfaces),
+            Self::TwoAlternative(of) => (&of.stimuli, &of.surfaces),
             Self::Record(of) => (&[Presented::Real], &of.surfaces),
             _ => (&[], &[]),
         }
@@ -502,7 +513,11 @@ impl Names<'_> {
             }
         }
         match phase {
-            Phase::Practice(_) | Phase::Explore(_) | Phase::Record(_) => {}
+            Phase::Practice(_)
+            | Phase::Explore(_)
+            | Phase::Record(_)
+            | Phase::TwoAlternative(_)
+            | Phase::Break(_) => {}
             Phase::Rate(of) => self.known(&of.scales, &study.scales, "scale"),
             Phase::Compare(of) => {
                 self.known(&of.versions, &study.versions, "version");
@@ -654,7 +669,12 @@ impl Study {
             let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
             of_time.map(|(_, gate)| gate.at_least).sum::<f64>() * stimuli.count().max(1) as f64
         };
-        trials.iter().map(|trial| self.trial_s + conditions_s(trial)).sum()
+        let length_s = |trial: &Trial| match &self.phases.0[trial.phase].1 {
+            Phase::Break(of) => of.at_least_s,
+            Phase::Record(of) => of.seconds + self.trial_s,
+            _ => self.trial_s + conditions_s(trial),
+        };
+        trials.iter().map(length_s).sum()
     }
 
     /// The surfaces of a phase that lack what it presents of others: a `sample` for the real one, a `file` for the virtual one.
@@ -681,6 +701,19 @@ impl Study {
             Phase::Rate(of) => stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize),
             Phase::Compare(of) => self.compared(of).len().saturating_mul(of.repeats as usize),
             Phase::Pairs(_) => stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2,
+            Phase::TwoAlternative(of) if of.across_surfaces => {
+                (stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2).saturating_mul(of.repeats as usize)
+            }
+            Phase::TwoAlternative(of) => {
+                let surfaces = Self::some(&of.surfaces, &self.surfaces).into_iter();
+                let names = surfaces.map(|at| [self.surfaces.0[at].0.clone()]);
+                let pairs = names.map(|name| {
+                    let own = self.stimuli(&of.stimuli, &name).len();
+                    own * own.saturating_sub(1) / 2
+                });
+                pairs.sum::<usize>().saturating_mul(of.repeats as usize)
+            }
+            Phase::Break(_) => 1,
             Phase::Record(of) => stimuli.saturating_mul(of.takes as usize),
             Phase::Questions(of) => of.questions.0.len(),
             Phase::ConstantStimuli(of) => of.levels.len().saturating_mul(of.repeats as usize),

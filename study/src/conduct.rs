@@ -213,8 +213,9 @@ impl Current {
 
     /// True if the place that is felt is rendered; a practice without stimuli is the graph as it is.
     fn renders(&self, study: &Study) -> bool {
-        let is_question = matches!(study.phases.0[self.trial.phase].1, Phase::Questions(_));
-        !is_question && self.places[self.place].is_none_or(|of| of.version.is_some())
+        let phase = &study.phases.0[self.trial.phase].1;
+        !matches!(phase, Phase::Questions(_) | Phase::Break(_))
+            && self.places[self.place].is_none_or(|of| of.version.is_some())
     }
 
     fn is_reached(&self) -> bool {
@@ -507,9 +508,9 @@ impl Conductor {
         let study = &self.checked.study;
         self.lamp = false;
         let phase = &study.phases.0[current.trial.phase].1;
-        if matches!(phase, Phase::Questions(_)) {
+        if matches!(phase, Phase::Questions(_) | Phase::Break(_)) {
             current.since_s = Some(now_s);
-            current.opened_s = Some(now_s);
+            current.opened_s = matches!(phase, Phase::Questions(_)).then_some(now_s);
             seat.state = State::Felt(current);
             return Ok(Step::Silence);
         }
@@ -600,17 +601,15 @@ impl Conductor {
             && current.has_begun(now_s)
         {
             current.felt[current.place] |= is_touched;
-            let seconds = match &self.checked.study.phases.0[current.trial.phase].1 {
-                Phase::Record(record) => Some(record.seconds),
-                _ => None,
-            };
+            let phase = &self.checked.study.phases.0[current.trial.phase].1;
+            let is_record = matches!(phase, Phase::Record(_));
             let is_reached = current.is_forced
-                || seconds.map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
+                || phase.length_s().map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
             if current.opened_s.is_none() && is_reached {
                 current.opened_s = Some(now_s);
-                return Ok(if seconds.is_some() { Step::Silence } else { Step::None });
+                return Ok(if is_record { Step::Silence } else { Step::None });
             }
-            if seconds.is_some() && current.opened_s.is_some() && !is_running {
+            if is_record && current.opened_s.is_some() && !is_running {
                 return self.keep_recording();
             }
         }

@@ -136,6 +136,10 @@ choices! {
         Compare(Compare),
         /// Two stimuli, every pair once.
         Pairs(Pairs),
+        /// Two stimuli, of which one is chosen.
+        TwoAlternative(TwoAlternative),
+        /// A rest.
+        Break(Break),
         /// A recording of a real surface, from which its virtual one is learned.
         Record(Record),
         /// Questions about the participant or the study.
@@ -260,6 +264,42 @@ settings! {
         opens_when: Named<Gate> = Named::default();
         /// Trials before, drawn from the phase's own, which are not analysed.
         training: u32 = 0, in 0..=1000;
+    }
+}
+
+settings! {
+    /// A phase of choices between two stimuli.
+    pub struct TwoAlternative {
+        /// The groups that take part; all if empty.
+        groups: Vec<Name> = Vec::new();
+        /// The instruction.
+        text: String = String::new();
+        /// The question, which is answered by one of the two.
+        ask: String;
+        /// What is compared: every pair of a surface's stimuli.
+        stimuli: Vec<Presented> = vec![Presented::Virtual(Version { version: None })];
+        /// Of these surfaces; all if empty.
+        surfaces: Vec<Name> = Vec::new();
+        /// Pairs of different surfaces, too.
+        across_surfaces: bool = false;
+        /// How often each pair is compared.
+        repeats: u32 = 1, in 1..=1000;
+        /// What has to be reached before the answer opens.
+        opens_when: Named<Gate> = Named::default();
+        /// Trials before, drawn from the phase's own, which are not analysed.
+        training: u32 = 0, in 0..=1000;
+    }
+}
+
+settings! {
+    /// A rest of the participant.
+    pub struct Break {
+        /// The groups that take part; all if empty.
+        groups: Vec<Name> = Vec::new();
+        /// What the participant reads.
+        text: String = String::new();
+        /// Its shortest length.
+        at_least_s: f64 = 60.0, in 0.0..=7200.0;
     }
 }
 

@@ -161,6 +161,17 @@ impl Study {
                 let cells = self.compared(compare);
                 draw.repeated(compare.repeats, &cells, &compare.order)
             }
+            Phase::TwoAlternative(of) => {
+                let pairs = Self::pairs_of(&self.stimuli(&of.stimuli, &of.surfaces), None);
+                let is_of = |trial: &Trial| {
+                    of.across_surfaces
+                        || trial.first.map(|of| of.surface) == trial.second.map(|of| of.surface)
+                };
+                let pairs: Vec<Trial> = pairs.into_iter().filter(is_of).collect();
+                let blocks = (0..of.repeats).flat_map(|_| draw.shuffled(pairs.clone())).collect();
+                draw.with_sides_in_order(blocks)
+            }
+            Phase::Break(_) => vec![Trial::default()],
             Phase::Record(record) => {
                 let cells = self.stimuli(&[Presented::Real], &record.surfaces).into_iter().map(one);
                 draw.repeated(record.takes, &cells.collect::<Vec<_>>(), &record.order)
@@ -204,8 +215,12 @@ impl Study {
 
     /// Each pair of stimuli.
     fn paired(&self, pairs: &Pairs) -> Vec<Trial> {
-        let stimuli = self.stimuli(&pairs.stimuli, &pairs.surfaces);
         let scale = self.scales.find(&pairs.scale.text);
+        Self::pairs_of(&self.stimuli(&pairs.stimuli, &pairs.surfaces), scale)
+    }
+
+    /// Every pair of some stimuli.
+    fn pairs_of(stimuli: &[Stimulus], scale: Option<usize>) -> Vec<Trial> {
         let all = stimuli.iter().enumerate().flat_map(|(at, first)| {
             let of = move |second: &Stimulus| Trial {
                 scale,
@@ -243,6 +258,8 @@ impl Phase {
             Self::Rate(of) => (&of.groups, &of.text),
             Self::Compare(of) => (&of.groups, &of.text),
             Self::Pairs(of) => (&of.groups, &of.text),
+            Self::TwoAlternative(of) => (&of.groups, &of.text),
+            Self::Break(of) => (&of.groups, &of.text),
             Self::Record(of) => (&of.groups, &of.text),
             Self::Questions(of) => (&of.groups, &of.text),
             Self::ConstantStimuli(of) => (&of.groups, &of.text),
@@ -258,6 +275,8 @@ impl Phase {
             Self::Rate(_) => "ratings",
             Self::Compare(_) => "comparisons with the real surface",
             Self::Pairs(_) => "pairs",
+            Self::TwoAlternative(_) => "choices",
+            Self::Break(_) => "break",
             Self::Record(_) => "recordings",
             Self::Questions(_) => "questions",
             Self::ConstantStimuli(_) => "constant stimuli",
@@ -272,6 +291,7 @@ impl Phase {
             Self::Compare(phase) => phase.training,
             Self::Pairs(phase) => phase.training,
             Self::ConstantStimuli(phase) => phase.training,
+            Self::TwoAlternative(phase) => phase.training,
             _ => 0,
         }
     }

@@ -77,7 +77,10 @@ impl People {
     /// The names that the study does not have.
     fn unknown(&self, study: &Checked) -> Vec<Diagnostic> {
         let of = &study.study;
-        let scales: Vec<&str> = of.scales.0.iter().map(|(name, _)| name.text.as_str()).collect();
+        let mut scales: Vec<&str> = of.scales.0.iter().map(|(name, _)| name.text.as_str()).collect();
+        // The values by which one of two is chosen have the name of the phase.
+        let chosen = of.phases.0.iter().filter(|(_, phase)| matches!(phase, Phase::TwoAlternative(_)));
+        scales.extend(chosen.map(|(name, _)| name.text.as_str()));
         let versions = || (0..of.version_count()).map(Some).chain([None]);
         let surfaces = 0..of.surfaces.0.len();
         let stimuli =
@@ -160,7 +163,15 @@ impl<'p> Person<'p> {
                 }
             }
             Phase::Explore(_) => row.text = "simulated".to_owned(),
-            Phase::Practice(_) | Phase::Record(_) => {}
+            Phase::Practice(_) | Phase::Record(_) | Phase::Break(_) => {}
+            Phase::TwoAlternative(_) => {
+                let value =
+                    |of: Option<Stimulus>| of.map_or(0.0, |of| self.people.value(study, &row.phase, of));
+                let values = [value(trial.first), value(trial.second)];
+                let [first, second] = values.map(|value| self.rating(value));
+                let chosen = if second > first { trial.second } else { trial.first };
+                row.choice = chosen.map_or_else(String::new, |of| study.name(of));
+            }
             Phase::Rate(_) | Phase::Compare(_) => {
                 let value = trial.second.or(trial.first).map(|of| self.people.value(study, &row.scale, of));
                 row.rating = Some(self.rating(value.unwrap_or(0.0)));

@@ -55,7 +55,7 @@ fn every_shipped_study_runs_on_its_graph() {
         study.check_graph(&registry()).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         count += 1;
     }
-    assert_eq!(count, 4);
+    assert_eq!(count, 5);
 }
 
 #[test]
@@ -866,4 +866,36 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
         .replace("seed: 5", "seed: 5, thesis: \"4.7\"")
         .replace("PORT", r#"port: "way so far", at_least_cm: 50"#);
     assert_eq!(codes(written(folder.path(), &wrong).unwrap_err()), ["E0304"]);
+}
+
+#[test]
+fn one_of_two_is_chosen_by_its_value_and_a_break_asks_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 5,
+        surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "vinyl": (file: "GRAPHS/surfaces/t5-vinyl.ron") },
+        versions: { "soft": { "gain": 0.5 }, "loud": {} },
+        phases: {
+            "more real": TwoAlternative(ask: "Which one is more real?", surfaces: ["tile"], repeats: 4),
+            "rest": Break(at_least_s: 30),
+            "rougher": TwoAlternative(ask: "Which one is rougher?", stimuli: [Virtual(version: "loud")], across_surfaces: true),
+        })"#;
+    let study = written(folder.path(), text).expect("valid");
+    study.check_graph(&registry()).expect("on its graph");
+    let trials = study.study.trials("P1", 0);
+    assert_eq!(trials.len(), 4 + 1 + 1);
+    assert_eq!(study.study.duration_s(&trials), 5.0 * 15.0 + 30.0);
+    assert_eq!(trials.iter().filter(|trial| trial.phase == 0 && trial.is_swapped).count(), 2, "sides are even");
+    let text_of_people = r#"People(format: 1, values: { "more real": { "loud": 0.4 } }, bias_sd: 0.0, noise_sd: 0.1)"#;
+    let people = people(folder.path(), &study, text_of_people);
+    let data = opened(&folder.path().join("data"), &study, &people).expect("a folder");
+    for code in people_codes(12) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, 100).expect("simulated");
+    }
+    let analysis = Analysis::of(&study.study, &data).expect("analysed");
+    let [real, rougher] = &analysis.choices[..] else { panic!("{:?}", analysis.choices) };
+    assert_eq!((&*real.first, &*real.second, real.answers, real.people), ("tile, soft", "tile, loud", 48, 12));
+    assert!(real.share_of_first < 0.1 && real.people_for_first == 0 && real.p_of_people < 1e-3, "{real:?}");
+    assert_eq!((rougher.answers, rougher.p_of_answers), (12, rougher.p_of_people));
+    assert!(rougher.p_of_people > 1e-3, "nobody prefers either: {rougher:?}");
 }

@@ -115,8 +115,16 @@ impl Conductor {
                 _ => Ok(text),
             }
         };
+        let is_second = || {
+            let place = answer.choice.filter(|place| *place < 2).ok_or("none of the two is chosen")?;
+            Ok::<_, String>((place == 1) != trial.is_swapped)
+        };
         match &self.checked.study.phases.0[trial.phase].1 {
-            Phase::Practice(_) | Phase::Record(_) => {}
+            Phase::Practice(_) | Phase::Record(_) | Phase::Break(_) => {}
+            Phase::TwoAlternative(_) => {
+                let chosen = if is_second()? { trial.second } else { trial.first };
+                row.choice = chosen.map_or_else(String::new, |of| self.checked.name(of));
+            }
             Phase::Explore(_) => row.text = words(false)?,
             Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => row.rating = Some(rating(0.0, 1.0)?),
             Phase::Questions(phase) => {
@@ -132,8 +140,7 @@ impl Conductor {
                 }
             }
             phase @ (Phase::ConstantStimuli(_) | Phase::Staircase(_)) => {
-                let place = answer.choice.filter(|place| *place < 2).ok_or("none of the two is chosen")?;
-                let is_second = (place == 1) != trial.is_swapped;
+                let is_second = is_second()?;
                 row.choice = if is_second { "comparison" } else { "standard" }.to_owned();
                 let standard = phase.varied().map_or(0.0, |(.., standard)| standard);
                 let level = trial.level.unwrap_or(standard);

@@ -84,6 +84,8 @@ impl Conductor {
         match phase {
             Phase::Practice(_) => json!({ "kind": "none", "ask": "" }),
             Phase::Record(_) => json!({ "kind": "record", "ask": "" }),
+            Phase::Break(_) => json!({ "kind": "none", "ask": "" }),
+            Phase::TwoAlternative(of) => json!({ "kind": "which", "ask": of.ask }),
             Phase::Explore(of) => json!({ "kind": "words", "ask": of.ask, "optional": false }),
             Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(None),
             Phase::ConstantStimuli(of) => json!({ "kind": "which", "ask": of.ask }),
@@ -150,10 +152,10 @@ impl Conductor {
     /// The conditions of what is felt now, and the part of each that is reached; of a recording the time that is left.
     fn conditions(&self, current: &Current, now_s: f64) -> Vec<Value> {
         let part = |part: f64| (part * 50.0).floor() / 50.0;
-        if let Phase::Record(record) = &self.checked.study.phases.0[current.trial.phase].1 {
-            let done_s = current.explored_s(now_s).min(record.seconds);
-            let left = format!("{:.0} s", (record.seconds - done_s).ceil());
-            return vec![json!({ "name": left, "part": part(done_s / record.seconds) })];
+        if let Some(length_s) = self.checked.study.phases.0[current.trial.phase].1.length_s() {
+            let done_s = current.explored_s(now_s).min(length_s);
+            let left = format!("{:.0} s", (length_s - done_s).ceil());
+            return vec![json!({ "name": left, "part": part(done_s / length_s.max(1e-9)) })];
         }
         let tally = current.tallies[current.place].as_ref().filter(|_| current.is_virtual(current.place));
         let reached = tally.into_iter().flat_map(|tally| tally.reached());

@@ -163,3 +163,10 @@ pub fn wilcoxon_pairs<R: AsRef<[f64]>>(rows: &[R]) -> Result<Vec<RankComparison>
     found.iter_mut().zip(holm(&p)).for_each(|(pair, p)| pair.p_holm = p);
     Ok(found)
 }
+
+/// The sign test: the probability, if both outcomes are as likely, of a share at least as far from one half as so many of all.
+pub fn sign_test(count: u64, all: u64) -> f64 {
+    let far = count.max(all.saturating_sub(count));
+    let share = |k: u64| (statrs::function::factorial::ln_binomial(all, k) - all as f64 * 2.0_f64.ln()).exp();
+    (2.0 * (far..=all).map(share).sum::<f64>()).min(1.0)
+}

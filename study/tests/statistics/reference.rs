@@ -281,3 +281,20 @@ fn a_logistic_function_without_lapses_is_a_logistic_regression() {
     r.same("glm.2", found.deviance);
     r.same("glm.3", found.log_likelihood);
 }
+
+#[test]
+fn sign_tests_are_those_of_binom_test_and_their_intervals_those_of_prop_test() {
+    // R 4.2.2: binom.test(x, n)$p.value and prop.test(x, n, correct = FALSE)$conf.int.
+    for (count, all, p, low, high) in [
+        (14, 20, 0.115_318_298_34, 0.481_027_181_646, 0.854_522_755_132),
+        (1, 8, 0.070_312_5, 0.022_417_491_450_1, 0.470_888_182_213),
+        (5, 10, 1.0, 0.236_593_090_513, 0.763_406_909_487),
+        (0, 5, 0.062_5, 0.0, 0.434_482_464_783),
+        (61, 100, 0.035_200_200_217_7, 0.512_030_170_458, 0.699_831_259_936),
+    ] {
+        let share = haptograph_study::power::Share::of(count, all);
+        assert!((haptograph_study::statistics::ranks::sign_test(count as u64, all as u64) - p).abs() < 1e-9);
+        assert!((share.low - low).abs() < 1e-6 && (share.high - high).abs() < 1e-6, "{share:?}");
+    }
+    assert_eq!(haptograph_study::statistics::ranks::sign_test(0, 0), 1.0);
+}
