@@ -94,6 +94,7 @@ const strokeBy = {
 
 async function markBy(how, page, kind) {
     const first = page.locator(".choices button").first();
+    if (kind === "none") return;
     if (kind === "line" && how === "keys") {
         await page.focus(".line");
         for (const key of ["ArrowRight", "PageDown", "PageDown"]) await page.keyboard.press(key);
