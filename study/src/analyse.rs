@@ -10,13 +10,13 @@ pub use beside::{BesideRow, RepeatsNone};
 
 use crate::data::{Folder, Row, lines};
 use crate::document::{End, Phase, Study};
-use crate::power::Share;
 use crate::statistics::anova::{self, Term, centred_by_person, columns};
 use crate::statistics::effect::{equivalence, paired_effect};
 use crate::statistics::psychometric::{Block, FitSettings, Shape, fit};
 use crate::statistics::ranks::{friedman, sign_test, wilcoxon_pairs};
 use crate::statistics::regression::{correlation_matrix, regress};
 use crate::statistics::repeated::{self, WithinTerm};
+use crate::statistics::share::Share;
 use crate::statistics::space::perceptual_space;
 use crate::statistics::tukey::Comparison;
 use crate::statistics::{Estimate, mean_interval};

@@ -701,18 +701,9 @@ impl Study {
             Phase::Rate(of) => stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize),
             Phase::Compare(of) => self.compared(of).len().saturating_mul(of.repeats as usize),
             Phase::Pairs(_) => stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2,
-            Phase::TwoAlternative(of) if of.across_surfaces => {
-                (stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2).saturating_mul(of.repeats as usize)
-            }
-            Phase::TwoAlternative(of) => {
-                let surfaces = Self::some(&of.surfaces, &self.surfaces).into_iter();
-                let names = surfaces.map(|at| [self.surfaces.0[at].0.clone()]);
-                let pairs = names.map(|name| {
-                    let own = self.stimuli(&of.stimuli, &name).len();
-                    own * own.saturating_sub(1) / 2
-                });
-                pairs.sum::<usize>().saturating_mul(of.repeats as usize)
-            }
+            // Pairs grow with the square of the stimuli.
+            Phase::TwoAlternative(_) if stimuli > MOST_TRIALS / 10 => usize::MAX,
+            Phase::TwoAlternative(of) => self.alternatives(of).len().saturating_mul(of.repeats as usize),
             Phase::Break(_) => 1,
             Phase::Record(of) => stimuli.saturating_mul(of.takes as usize),
             Phase::Questions(of) => of.questions.0.len(),

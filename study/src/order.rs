@@ -1,6 +1,8 @@
 //! The trials of a participant, drawn from the study's seed and the participant's code alone.
 
-use crate::document::{Arrange, Compare, Factor, Level, Pairs, Phase, Presented, Study, Version};
+use crate::document::{
+    Arrange, Compare, Factor, Level, Pairs, Phase, Presented, Study, TwoAlternative, Version,
+};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::settings::Named;
 use haptograph_signal::noise::stream_seed;
@@ -162,12 +164,7 @@ impl Study {
                 draw.repeated(compare.repeats, &cells, &compare.order)
             }
             Phase::TwoAlternative(of) => {
-                let pairs = Self::pairs_of(&self.stimuli(&of.stimuli, &of.surfaces), None);
-                let is_of = |trial: &Trial| {
-                    of.across_surfaces
-                        || trial.first.map(|of| of.surface) == trial.second.map(|of| of.surface)
-                };
-                let pairs: Vec<Trial> = pairs.into_iter().filter(is_of).collect();
+                let pairs = self.alternatives(of);
                 let blocks = (0..of.repeats).flat_map(|_| draw.shuffled(pairs.clone())).collect();
                 draw.with_sides_in_order(blocks)
             }
@@ -217,6 +214,14 @@ impl Study {
     fn paired(&self, pairs: &Pairs) -> Vec<Trial> {
         let scale = self.scales.find(&pairs.scale.text);
         Self::pairs_of(&self.stimuli(&pairs.stimuli, &pairs.surfaces), scale)
+    }
+
+    /// The pairs of which one is chosen, once each.
+    pub(crate) fn alternatives(&self, of: &TwoAlternative) -> Vec<Trial> {
+        let mut pairs = Self::pairs_of(&self.stimuli(&of.stimuli, &of.surfaces), None);
+        let surface = |of: Option<Stimulus>| of.map(|of| of.surface);
+        pairs.retain(|trial| of.across_surfaces || surface(trial.first) == surface(trial.second));
+        pairs
     }
 
     /// Every pair of some stimuli.

@@ -3,6 +3,7 @@
 use crate::analyse::Analysis;
 use crate::check::{Checked, StudyError};
 use crate::people::People;
+use crate::statistics::share::Share;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::parallel;
 use serde::Serialize;
@@ -14,8 +15,6 @@ use std::sync::{Mutex, PoisonError};
 const ALPHA: f64 = 0.05;
 /// Largest number of answers of all simulated studies together, and of one.
 const MOST_ANSWERS: [usize; 2] = [50_000_000, 100_000];
-/// The normal deviate of an interval of 95 %.
-const Z: f64 = 1.959_963_984_540_054;
 
 /// An effect, and how often it was found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -30,27 +29,6 @@ pub struct EffectPower {
     pub term: String,
     /// For each number of people.
     pub shares: Vec<Share>,
-}
-
-/// A share of simulated studies, with its 95 % interval (Wilson 1927).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[allow(missing_docs)]
-pub struct Share {
-    pub found: usize,
-    pub share: f64,
-    pub low: f64,
-    pub high: f64,
-}
-
-impl Share {
-    /// Of so many.
-    pub fn of(found: usize, all: usize) -> Self {
-        let (n, share) = (all as f64, found as f64 / all as f64);
-        let shrink = 1.0 + Z * Z / n;
-        let middle = (share + Z * Z / (2.0 * n)) / shrink;
-        let half = Z / shrink * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
-        Self { found, share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
-    }
 }
 
 /// The numbers of the phase and the kind of table, by which effects are sorted; then phase, scale or surface, test and term.

@@ -884,8 +884,13 @@ fn one_of_two_is_chosen_by_its_value_and_a_break_asks_nothing() {
     let trials = study.study.trials("P1", 0);
     assert_eq!(trials.len(), 4 + 1 + 1);
     assert_eq!(study.study.duration_s(&trials), 5.0 * 15.0 + 30.0);
-    assert_eq!(trials.iter().filter(|trial| trial.phase == 0 && trial.is_swapped).count(), 2, "sides are even");
-    let text_of_people = r#"People(format: 1, values: { "more real": { "loud": 0.4 } }, bias_sd: 0.0, noise_sd: 0.1)"#;
+    assert_eq!(
+        trials.iter().filter(|trial| trial.phase == 0 && trial.is_swapped).count(),
+        2,
+        "sides are even"
+    );
+    let text_of_people =
+        r#"People(format: 1, values: { "more real": { "loud": 0.4 } }, bias_sd: 0.0, noise_sd: 0.1)"#;
     let people = people(folder.path(), &study, text_of_people);
     let data = opened(&folder.path().join("data"), &study, &people).expect("a folder");
     for code in people_codes(12) {
@@ -894,7 +899,10 @@ fn one_of_two_is_chosen_by_its_value_and_a_break_asks_nothing() {
     }
     let analysis = Analysis::of(&study.study, &data).expect("analysed");
     let [real, rougher] = &analysis.choices[..] else { panic!("{:?}", analysis.choices) };
-    assert_eq!((&*real.first, &*real.second, real.answers, real.people), ("tile, soft", "tile, loud", 48, 12));
+    assert_eq!(
+        (&*real.first, &*real.second, real.answers, real.people),
+        ("tile, soft", "tile, loud", 48, 12)
+    );
     assert!(real.share_of_first < 0.1 && real.people_for_first == 0 && real.p_of_people < 1e-3, "{real:?}");
     assert_eq!((rougher.answers, rougher.p_of_answers), (12, rougher.p_of_people));
     assert!(rougher.p_of_people > 1e-3, "nobody prefers either: {rougher:?}");

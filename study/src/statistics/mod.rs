@@ -19,6 +19,7 @@ pub mod psychometric;
 pub mod ranks;
 pub mod regression;
 pub mod repeated;
+pub mod share;
 pub mod space;
 pub mod studentized_range;
 pub mod tukey;

@@ -292,7 +292,7 @@ fn sign_tests_are_those_of_binom_test_and_their_intervals_those_of_prop_test() {
         (0, 5, 0.062_5, 0.0, 0.434_482_464_783),
         (61, 100, 0.035_200_200_217_7, 0.512_030_170_458, 0.699_831_259_936),
     ] {
-        let share = haptograph_study::power::Share::of(count, all);
+        let share = haptograph_study::statistics::share::Share::of(count, all);
         assert!((haptograph_study::statistics::ranks::sign_test(count as u64, all as u64) - p).abs() < 1e-9);
         assert!((share.low - low).abs() < 1e-6 && (share.high - high).abs() < 1e-6, "{share:?}");
     }
