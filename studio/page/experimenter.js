@@ -8,7 +8,10 @@ const connection = new Connection();
 let view = null;
 let certain = null; // the button that was pressed once and asks for a second press
 
-const say = (message) => connection.send({ type: "study", ...message });
+function say(message) {
+    setText(find("problem"), "");
+    connection.send({ type: "study", ...message });
+}
 
 connection.on("experimenter", (next) => {
     view = next;
@@ -46,7 +49,7 @@ function toLay([left, right], isPair, held) {
     const parts = [];
     if (left) parts.push(isPair && right !== null ? `left ${left}` : isPair ? `left ${left}, nothing on the right` : left);
     if (right) parts.push(left || !isPair ? `right ${right}` : `right ${right}, nothing on the left`);
-    return parts.length ? `Lay out: ${parts.join(", ")}` : "Nothing is to be laid out.";
+    return parts.length ? `Lay out: ${parts.join(", ")}` : "Nothing real lies there in this trial.";
 }
 
 function show() {
@@ -168,7 +171,6 @@ function twice(button, message) {
 
 find("begin").addEventListener("submit", (event) => {
     event.preventDefault();
-    setText(find("problem"), "");
     say({ say: "begin", code: find("code").value.trim(), group: find("group").value });
     find("code").value = "";
 });

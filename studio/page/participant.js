@@ -194,11 +194,11 @@ function words({ ask, optional }) {
 const mayAnswer = () => participant.view?.state === "trial" && participant.view.open;
 
 // True if the answer is complete.
-function isComplete({ state, input, turns }) {
+function isComplete({ state, input }) {
     const { agrees, rating, choice, text } = participant.answer;
     if (state === "consent") return agrees === true;
     if (state === "start") return true;
-    if (!mayAnswer() || (turns && !turns.felt.every(Boolean) && !participant.view.open)) return false;
+    if (!mayAnswer()) return false;
     switch (input?.kind) {
         case "line":
             return rating !== undefined;

@@ -8,6 +8,7 @@ use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::document::{Document, LoadOptions, SettingsFile};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
+use haptograph_engine::node::Limit;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::{Named, Setting, closest};
 use haptograph_signal::files::{self, MAX_GRAPH_BYTES};
@@ -247,7 +248,8 @@ impl Checked {
             let others = rendered.iter().filter(|_| number == 0).filter(|surface| Some(**surface) != first);
             for surface in others {
                 let stimulus = Stimulus { surface: *surface, version: Some(0) };
-                self.graph(registry, phase, (Some(stimulus), phase.extreme_levels()[0]), 0)?;
+                let graph = self.graph(registry, phase, (Some(stimulus), phase.extreme_levels()[0]), 0)?;
+                self.check_limits(&graph, &mut limits)?;
             }
         }
         Ok(())
@@ -284,20 +286,23 @@ impl Checked {
 
     /// People are at the other end: nothing above what the thesis gave them without the experimenter's word, and no version with other
     /// limits than the experimenter confirms.
-    fn check_limits(&self, graph: &Graph, known: &mut Vec<(String, f64)>) -> Result<(), StudyError> {
+    fn check_limits(&self, graph: &Graph, known: &mut Vec<(String, Limit)>) -> Result<(), StudyError> {
         for (node, _, limit) in graph.actuators() {
             let quantity = node.outputs.first().map(|output| output.quantity);
             let unit = quantity.map_or_else(String::new, Quantity::unit);
             let (actuator, peak) = (node.path.clone(), limit.peak);
             match known.iter().find(|(path, _)| *path == actuator) {
-                Some((_, before)) if *before != peak => {
-                    let other = format!(
-                        "actuator `{actuator}` may give {before} {unit} in some trials and {peak} {unit} in others; a limit stays the same in a study"
-                    );
-                    return Err(StudyError::Run(other));
+                Some((_, before)) if *before != limit => {
+                    let of =
+                        |limit: &Limit| format!("{} {unit} and {} {unit} RMS", limit.peak, limit.continuous);
+                    return Err(StudyError::Run(format!(
+                        "the limits of actuator `{actuator}` differ between trials: {} and {}; give it one limit",
+                        of(before),
+                        of(&limit)
+                    )));
                 }
                 Some(_) => {}
-                None => known.push((actuator.clone(), peak)),
+                None => known.push((actuator.clone(), limit)),
             }
             let usual = PEAKS.iter().find(|(known, _)| Some(*known) == quantity);
             if let Some((_, usual)) = usual.filter(|(_, usual)| peak > *usual)

@@ -14,6 +14,7 @@ use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::ARM_RISE_S;
 use serde::Deserialize;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// What a page says.
@@ -113,17 +114,18 @@ pub struct Presentation {
 
 /// A study that is being run.
 pub struct Conductor {
-    pub(crate) checked: Checked,
+    checked: Checked,
     folder: Folder,
     /// Real actuators with their limits, in words; none if all devices are simulated.
     driven: Vec<String>,
     /// True if a device is real, so that a run keeps what it senses of a real surface.
     has_sensors: bool,
-    /// True once the experimenter has confirmed them.
+    /// True once the experimenter has confirmed the limits.
     is_confirmed: bool,
     seat: Option<Seat>,
     /// The last thing that went wrong.
     trouble: Option<String>,
+    /// Participants so far.
     known: Vec<Known>,
     /// True while the lamp of the participant's page is lit.
     lamp: bool,
@@ -235,6 +237,11 @@ const LAY_OUT: &str = "lay out";
 /// Longest note and answer in words, bytes.
 const LONGEST: usize = 10_000;
 
+/// Number of trials with an attempt.
+fn attempted(rows: &[Row]) -> usize {
+    rows.iter().map(|row| row.trial).collect::<BTreeSet<u32>>().len()
+}
+
 type Stepped = Result<Step, String>;
 
 impl Conductor {
@@ -269,11 +276,6 @@ impl Conductor {
         Ok(opened)
     }
 
-    /// The study.
-    pub fn checked(&self) -> &Checked {
-        &self.checked
-    }
-
     /// The parameters with which the graph is opened: those of the first virtual surface.
     ///
     /// # Errors
@@ -299,14 +301,11 @@ impl Conductor {
             let group = (0..study.group_count()).find(|group| study.group_name(*group) == known.group);
             let trials = study.trials(&known.participant, group.unwrap_or(0));
             let has_finished = next(study, &trials, &own).is_none();
-            let mut numbers: Vec<u32> = own.iter().map(|row| row.trial).collect();
-            numbers.sort_unstable();
-            numbers.dedup();
             let has_withdrawn = !known.withdrawn_utc.is_empty();
             Known {
                 code: known.participant,
                 group: known.group,
-                done: numbers.len(),
+                done: attempted(&own),
                 has_finished,
                 has_withdrawn,
             }
@@ -334,7 +333,10 @@ impl Conductor {
             Said::Open => self.open_answer(now_s),
             Said::Skip => self.skip(now_s),
             Said::Repeat => self.repeat(),
-            Said::Pause => Ok(self.interrupt("paused", now_s)),
+            Said::Pause => {
+                self.interrupt("paused", now_s);
+                Ok(Step::Silence)
+            }
             Said::Note { text } => self.note(&text).map(|()| Step::None),
             Said::Leave => self.leave(),
             Said::Withdraw => self.withdraw(now_s),
@@ -636,8 +638,8 @@ impl Conductor {
     }
 
     /// Interrupts the trial, as by a STOP: it goes on when the experimenter is ready, with what was gained so far.
-    pub fn interrupt(&mut self, why: &'static str, now_s: f64) -> Step {
-        let Some(seat) = &mut self.seat else { return Step::Silence };
+    pub fn interrupt(&mut self, why: &'static str, now_s: f64) {
+        let Some(seat) = &mut self.seat else { return };
         seat.state = match std::mem::replace(&mut seat.state, State::Done) {
             State::Preparing(mut current) | State::Prepared(mut current) | State::Felt(mut current) => {
                 current.pass(now_s);
@@ -655,7 +657,6 @@ impl Conductor {
             // It is in the notes, not in the trial: a STOP is no failure.
             let _ = self.note(why);
         }
-        Step::Silence
     }
 
     /// Shows the experimenter what went wrong.
@@ -664,10 +665,9 @@ impl Conductor {
     }
 
     /// Says that something went wrong, such as a run that did not start, and interrupts the trial.
-    pub fn fail(&mut self, why: String, now_s: f64) -> Step {
-        let step = self.interrupt("the run failed", now_s);
+    pub fn fail(&mut self, why: String, now_s: f64) {
+        self.interrupt("the run failed", now_s);
         self.trouble = Some(why);
-        step
     }
 
     fn leave(&mut self) -> Stepped {

@@ -229,7 +229,7 @@ async fn act_in_order(connection: Connection, mut messages: Receiver<Queued>, qu
                 return (response, false);
             };
             // With the stage held: after what the message caused, and before any new sample.
-            stage.page_of(page, |page| page.send(text(&answer)));
+            stage.page_of(page, |page| page.tell(text(&answer)));
             (Response::None, answer["type"] == "refused")
         });
         let Some((response, is_refused)) = acted.await else {

@@ -69,9 +69,7 @@ impl Stage {
                     }
                     _ => error,
                 };
-                let refused = text(&json!({ "type": "refused", "error": error }));
-                self.page_of(page, |page| page.tell(refused));
-                Response::None
+                Response::Answer(json!({ "type": "refused", "error": error }))
             }
         }
     }

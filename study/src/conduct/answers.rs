@@ -1,6 +1,6 @@
 //! Answers of a session: what a trial asks for, and what is kept of it.
 
-use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped};
+use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped, attempted};
 use crate::document::{Phase, Question};
 use crate::order::Trial;
 use std::collections::BTreeSet;
@@ -94,9 +94,8 @@ impl Conductor {
             return Ok(Step::None);
         };
         claim.keep(row, &current.measures()).map_err(|error| error.to_string())?;
-        let count = claim.rows().iter().map(|row| row.trial).max().unwrap_or(0) as usize;
         if let Some(known) = self.known.iter_mut().find(|known| known.code == seat.code) {
-            known.done = count;
+            known.done = attempted(claim.rows());
         }
         self.advance(None)
     }

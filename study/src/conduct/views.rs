@@ -66,7 +66,7 @@ impl Conductor {
             "input": self.input(phase, current),
             "turns": turns,
             // What is only laid out is felt beside the page.
-            "pad": (0..2).any(|place| current.is_virtual(place)) || matches!(phase, Phase::Practice(_)),
+            "pad": current.renders(&self.checked.study),
             "begins": !current.has_begun(now_s),
             "training": current.trial.is_training,
             "conditions": self.conditions(current, now_s), "open": is_open, "lamp": self.page().and_then(|page| page.lamp.as_ref()).map(|_| self.lamp),
@@ -75,19 +75,19 @@ impl Conductor {
 
     /// What is asked for.
     fn input(&self, phase: &Phase, current: &Current) -> Value {
-        let line = |ask: Option<&str>| {
+        let line = || {
             let scale = current.trial.scale.and_then(|at| self.checked.study.scales.0.get(at));
-            scale.map_or(Value::Null, |(_, line)| {
-                json!({ "kind": "line", "ask": ask.unwrap_or(&line.ask), "from": line.from, "to": line.to })
-            })
+            scale.map_or(
+                Value::Null,
+                |(_, of)| json!({ "kind": "line", "ask": of.ask, "from": of.from, "to": of.to }),
+            )
         };
         match phase {
-            Phase::Practice(_) => json!({ "kind": "none", "ask": "" }),
+            Phase::Practice(_) | Phase::Break(_) => json!({ "kind": "none", "ask": "" }),
             Phase::Record(_) => json!({ "kind": "record", "ask": "" }),
-            Phase::Break(_) => json!({ "kind": "none", "ask": "" }),
             Phase::TwoAlternative(of) => json!({ "kind": "which", "ask": of.ask }),
             Phase::Explore(of) => json!({ "kind": "words", "ask": of.ask, "optional": false }),
-            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(None),
+            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(),
             Phase::ConstantStimuli(of) => json!({ "kind": "which", "ask": of.ask }),
             Phase::Staircase(of) => json!({ "kind": "which", "ask": of.ask }),
             Phase::Questions(of) => match current.trial.question.and_then(|at| of.questions.0.get(at)) {
@@ -135,7 +135,7 @@ impl Conductor {
         };
         let trial = current.map(|current| {
             let (name, phase) = &self.checked.study.phases.0[current.trial.phase];
-            let row = self.checked.row(&current.trial);
+            let row = self.checked.row_without_hash(&current.trial);
             json!({
                 "trial": current.trial.number, "phase": name.text, "kind": phase.kind(), "scale": row.scale,
                 "training": current.trial.is_training, "conditions": self.conditions(current, now_s),
