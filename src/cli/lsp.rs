@@ -115,10 +115,11 @@ impl Server<'_> {
         let open = self.texts.entry(address.to_owned()).or_default();
         text.clone_into(&mut open.text);
         let path = path_of(address);
-        let findings = match Document::parse(&path, text) {
-            _ if is_study(text) => study_findings(&path, text, self.registry),
-            Err(findings) => findings,
-            Ok(document) => match check(&document, self.registry, &CheckOptions::default()) {
+        let parsed = (!is_study(text)).then(|| Document::parse(&path, text));
+        let findings = match parsed {
+            None => study_findings(&path, text, self.registry),
+            Some(Err(findings)) => findings,
+            Some(Ok(document)) => match check(&document, self.registry, &CheckOptions::default()) {
                 Err(findings) => findings,
                 Ok(graph) => {
                     open.outputs = connectable(&graph);

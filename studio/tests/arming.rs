@@ -377,8 +377,12 @@ fn a_study_arms_its_coil_in_trials_alone_once_the_limits_are_confirmed_and_the_p
     let mut experimenter = Page::let_in(studio.address(), studio.token());
     let mut participant = Page::let_in(studio.address(), &common::participant_token(&studio));
     let say = |page: &mut Page, what: &str| page.say(&json!({ "type": "study", "say": what }));
+    // What it was told last is zero, also where nothing runs that could tell it more.
+    let last = std::cell::Cell::new(None);
     let rests = |coil: &Coil| {
-        coil.take();
+        std::thread::sleep(Duration::from_millis(200));
+        last.set(coil.take().last().copied().or(last.get()));
+        assert_eq!(last.get(), Some(0.0));
         std::thread::sleep(Duration::from_millis(100));
         assert!(coil.take().iter().all(|current| *current == 0.0));
     };
@@ -403,7 +407,8 @@ fn a_study_arms_its_coil_in_trials_alone_once_the_limits_are_confirmed_and_the_p
         while asked.elapsed() < PATIENCE {
             page.say(&json!({ "type": "hold" }));
             std::thread::sleep(Duration::from_millis(10));
-            if coil.take().last().is_some_and(|current| is_wanted(*current)) {
+            last.set(coil.take().last().copied().or(last.get()));
+            if last.get().is_some_and(is_wanted) {
                 return;
             }
         }
@@ -455,6 +460,5 @@ fn a_study_arms_its_coil_in_trials_alone_once_the_limits_are_confirmed_and_the_p
     std::fs::write(folder.path().join("data/notes.csv"), "no,table\n1\n").expect("written");
     say(&mut experimenter, "withdraw");
     experimenter.wait(|said| said["type"] == "refused");
-    std::thread::sleep(Duration::from_millis(200));
     rests(&coil);
 }

@@ -125,6 +125,17 @@ impl Session {
         panic!("no trial came")
     }
 
+    /// The first trial of a rendered surface.
+    fn rendered_trial(&mut self) -> Value {
+        loop {
+            let view = self.trial();
+            if view["pad"] == true {
+                return view;
+            }
+            self.answer(&view, json!({ "rating": 0.5 }));
+        }
+    }
+
     /// Feels what there is, and answers.
     fn answer(&mut self, view: &Value, mut answer: Value) {
         if view["pad"] == true {
@@ -242,11 +253,7 @@ fn a_stop_of_the_participant_ends_the_run_and_the_trial_goes_on_afterwards() {
     let mut session = session(&text());
     session.begin("P07");
     session.agree();
-    let mut view = session.trial();
-    while view["pad"] != true {
-        session.answer(&view, json!({ "rating": 0.5 }));
-        view = session.trial();
-    }
+    let view = session.rendered_trial();
     session.participant.say(&json!({ "type": "stop" }));
     session.participant.wait(|said| said["state"] == "stopped");
     let held = session.experimenter.wait(|said| said["session"]["held"] == "STOP of the participant");
@@ -322,11 +329,7 @@ fn the_run_of_a_trial_is_replayed_with_the_same_samples() {
     let mut session = session(&text());
     session.begin("P07");
     session.agree();
-    let mut view = session.trial();
-    while view["pad"] != true {
-        session.answer(&view, json!({ "rating": 0.5 }));
-        view = session.trial();
-    }
+    let view = session.rendered_trial();
     session.answer(&view, json!({ "rating": 0.5 }));
     session.trial();
     let run = session.data.join(format!("signals/P07/{:03}-1-1", view["trial"].as_u64().expect("a number")));

@@ -296,8 +296,22 @@ fn write_page(site: &mut Site) -> Result<(), StudioError> {
     Ok(())
 }
 
+/// Files of the pages of studies, which a site does not have.
+const OF_STUDIES: [&str; 7] = [
+    "experimenter.html",
+    "experimenter.js",
+    "masking.js",
+    "participant.html",
+    "participant.js",
+    "study-pad.js",
+    "study.css",
+];
+
 /// True for files that pages load and for licences; false for sources of the bundles.
 fn is_served(path: &Path) -> bool {
+    if OF_STUDIES.iter().any(|file| path == Path::new(file)) {
+        return false;
+    }
     let is_bundled = path.ends_with("vendor/codemirror.js") || path.ends_with("vendor/codemirror.LICENSE");
     !path.starts_with("vendor") || is_bundled
 }
