@@ -3,13 +3,20 @@
 mod common;
 
 use common::{PATIENCE, Page, participant_token, study};
+use haptograph_engine::frame::Scalar;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Built, Io, NodeEntry, NodeKind, Port, Processor, Tick,
+};
 use haptograph_engine::registry::Registry;
+use haptograph_engine::settings::NoSettings;
+use haptograph_signal::quantity::Quantity;
 use haptograph_studio::{Options, Studio};
 use haptograph_study::data::{Folder, Row, Status};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 fn main_folder() -> PathBuf {
@@ -372,4 +379,63 @@ fn the_run_of_a_trial_is_replayed_with_the_same_samples() {
 fn wav_samples(file: &[u8]) -> Vec<f32> {
     let at = file.windows(4).position(|name| name == b"data").expect("its data") + 8;
     file[at..].chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().expect("four"))).collect()
+}
+
+haptograph_engine::node! {
+    /// Panics while [`BREAKS`] is set.
+    pub struct Broken(NoSettings) in "mine";
+    example: r#""broken": Broken(input: "texture")"#;
+    in INPUT: Scalar = Port::of(Quantity::ACCELERATION, "Of the texture.");
+    out OUTPUT: Scalar = Port::of(Quantity::ACCELERATION, "The same.");
+}
+
+static BREAKS: AtomicBool = AtomicBool::new(false);
+
+impl NodeKind for Broken {
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Built<Self>, BuildError> {
+        Ok(Built::new(Passing))
+    }
+}
+
+#[derive(Clone)]
+struct Passing;
+
+impl Processor<Broken> for Passing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_, Broken>) {
+        assert!(!BREAKS.load(Ordering::Relaxed), "broken for the test");
+        let input = io.read(Broken::INPUT);
+        io.write(Broken::OUTPUT).copy_from_slice(input);
+    }
+}
+
+#[test]
+fn a_trial_whose_graph_panicked_is_tried_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let graph = std::fs::read_to_string(main_folder().join("graphs/texturepad.ron")).expect("it is there");
+    let broken = r#"DynamicCompensator(acceleration: "broken"), "broken": Broken(input: "texture")"#;
+    let graph = graph.replace(r#"DynamicCompensator(acceleration: "texture")"#, broken);
+    let graph = graph.replace(
+        "surfaces/t2-canvas.ron",
+        &format!("{}/graphs/surfaces/t2-canvas.ron", main_folder().display()),
+    );
+    std::fs::write(folder.path().join("g.ron"), graph).expect("written");
+    let text =
+        r#"Study(format: 1, graph: "g.ron", surfaces: {}, phases: { "try": Practice(text: "Feel.") })"#;
+    std::fs::write(folder.path().join("study.ron"), text).expect("written");
+    let mut registry = registry();
+    registry.add(NodeEntry::processor::<Broken>());
+    let data = folder.path().join("data");
+    let studio = study(&folder.path().join("study.ron"), &data, &registry);
+    let experimenter = Page::let_in(studio.address(), studio.token());
+    let participant = Page::let_in(studio.address(), &participant_token(&studio));
+    let mut session = Session { _folder: folder, data, studio, experimenter, participant };
+    session.begin("P1");
+    session.agree();
+    session.trial();
+    BREAKS.store(true, Ordering::Relaxed);
+    session.experimenter.wait(|said| said["session"]["held"] == "the run ended");
+    BREAKS.store(false, Ordering::Relaxed);
+    std::thread::sleep(Duration::from_millis(1000));
+    say(&mut session.experimenter, json!({ "say": "ready" }));
+    session.participant.wait(|said| said["state"] == "trial" && said["begins"] == false);
 }

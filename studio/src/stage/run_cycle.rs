@@ -256,10 +256,6 @@ impl Stage {
             return;
         }
         if self.cycle.state == State::Failed {
-            if self.pages.study.is_some() {
-                // The experimenter may try again.
-                self.cycle.state = State::Stopped;
-            }
             return self.fail_in_study("a node of the graph panicked; see the messages in the terminal");
         }
         match self.start_as(next) {

@@ -94,6 +94,10 @@ impl Stage {
             }
             Step::Present(presentation) => {
                 study.presentation = Some(presentation);
+                if self.cycle.state == State::Failed {
+                    // The experimenter knows, and tries again.
+                    self.cycle.state = State::Stopped;
+                }
                 self.restart(NextRun::Record);
             }
             Step::Arm => {
