@@ -28,29 +28,48 @@ pub(super) struct Arguments {
     /// Override a parameter of the graph; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = super::assignment)]
     set: Vec<(String, String)>,
-    /// Use the endpoints of the set `live`: its actuators stay at zero until they are armed on the page
-    #[arg(long, conflicts_with = "endpoints")]
-    live: bool,
-    /// Use the endpoints of this set in place of `simulated`
-    #[arg(long, value_name = "SET")]
-    endpoints: Option<String>,
-    /// The port of this machine to serve the page at; 0 for a free one
-    #[arg(long, default_value_t = 0)]
-    port: u16,
+    #[command(flatten)]
+    pages: Pages,
     /// A folder of surface files, besides the graph's own, that parameters on the page may name; can be
     /// repeated
     #[arg(long, value_name = "DIR")]
     surfaces: Vec<PathBuf>,
-    /// Let other machines on the network open the page, for anyone with its address; they control pads and
-    /// settings only. Default ADDRESS: the address with which this machine reaches the network
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
-    lan: Option<Option<IpAddr>>,
-    /// Do not open the page, only print its address
-    #[arg(long)]
-    no_open: bool,
     /// Write the page as a static site that includes the engine, for any web server
     #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan", "live", "endpoints"])]
     export: Option<PathBuf>,
+}
+
+/// How pages are served, and what moves behind them.
+#[derive(Debug, clap::Args)]
+pub(super) struct Pages {
+    /// Use the endpoints of the set `live`: its actuators stay at zero until they are armed
+    #[arg(long, conflicts_with = "endpoints")]
+    live: bool,
+    /// Use the endpoints of this set
+    #[arg(long, value_name = "SET")]
+    endpoints: Option<String>,
+    /// The port of this machine to serve pages at; 0 for a free one
+    #[arg(long, default_value_t = 0)]
+    pub port: u16,
+    /// Let other machines on the network open the page, for anyone with its address: of a studio, pads and settings; of a study, the
+    /// participant's page. Default ADDRESS: the address with which this machine reaches the network
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
+    lan: Option<Option<IpAddr>>,
+    /// Do not open pages, only print their addresses
+    #[arg(long)]
+    pub no_open: bool,
+}
+
+impl Pages {
+    /// The set of endpoints, if one is named.
+    pub(super) fn endpoints(&self) -> Option<String> {
+        self.live.then(|| "live".to_owned()).or_else(|| self.endpoints.clone())
+    }
+
+    /// The network address for other machines: the given one, or that of this machine.
+    pub(super) fn lan(&self) -> Result<Option<IpAddr>, Failure> {
+        self.lan.map(lan).transpose()
+    }
 }
 
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
@@ -65,11 +84,11 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
     let options = Options {
         graph: graph.clone(),
         set: arguments.set.clone(),
-        endpoints: arguments.live.then(|| "live".to_owned()).or(arguments.endpoints.clone()),
-        port: arguments.port,
+        endpoints: arguments.pages.endpoints(),
+        port: arguments.pages.port,
         out: PathBuf::from("out"),
         surfaces: arguments.surfaces.clone(),
-        lan: arguments.lan.map(lan).transpose()?,
+        lan: arguments.pages.lan()?,
         learner: Some(learner),
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
@@ -82,7 +101,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
     if let Some(url) = studio.lan_url() {
         print(&invitation(&url)?)?;
     }
-    if !arguments.no_open {
+    if !arguments.pages.no_open {
         // The address was printed: without a desktop it is opened by hand.
         let _ = present::open(studio.url().as_ref());
     }
@@ -112,7 +131,7 @@ fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<process::C
 }
 
 /// The given address, or the network address of this machine.
-pub(super) fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
+fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
     given.or_else(lan_address).ok_or_else(|| {
         let why = "found no network; give the address at which other machines reach this one: --lan=ADDRESS";
         Failure::Message(why.to_owned())

@@ -8,7 +8,6 @@ use crate::engine::registry::Registry;
 use haptograph_studio::{Options, Studio};
 use haptograph_study::conduct::Conductor;
 use haptograph_study::data::Folder;
-use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 /// What `study run` takes.
@@ -19,28 +18,13 @@ pub(super) struct Arguments {
     /// The folder of the data; default: out/NAME
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Use the endpoints `live` in place of the study's; their actuators are armed by the trials
-    #[arg(long, conflicts_with = "endpoints")]
-    live: bool,
-    /// Use this set of endpoints in place of the study's
-    #[arg(long, value_name = "SET")]
-    endpoints: Option<String>,
-    /// The port of this machine to serve the pages at; 0 for a free one
-    #[arg(long, default_value_t = 0)]
-    port: u16,
-    /// Let the participant's page be opened on other machines, such as a tablet. Default ADDRESS: the address with which this machine
-    /// reaches the network
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
-    lan: Option<Option<IpAddr>>,
-    /// Do not open the pages, only print their addresses
-    #[arg(long)]
-    no_open: bool,
+    #[command(flatten)]
+    pages: studio::Pages,
 }
 
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut checked = arguments.study.load()?;
-    let endpoints = arguments.live.then(|| "live".to_owned()).or_else(|| arguments.endpoints.clone());
-    if let Some(endpoints) = endpoints {
+    if let Some(endpoints) = arguments.pages.endpoints() {
         checked.study.endpoints = endpoints;
     }
     checked.check_graph(registry).map_err(failure)?;
@@ -54,10 +38,10 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
         graph: checked.study.graph.clone(),
         set,
         endpoints: Some(checked.study.endpoints.clone()),
-        port: arguments.port,
+        port: arguments.pages.port,
         out: output.clone(),
         surfaces: Vec::new(),
-        lan: arguments.lan.map(studio::lan).transpose()?,
+        lan: arguments.pages.lan()?,
         learner: None,
     };
     let conductor = Conductor::open(checked, folder, &graph).map_err(failure)?;
@@ -82,7 +66,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
              participant's answers\n\n    {url}\n\n{code}\n"
         ))?;
     }
-    if !arguments.no_open {
+    if !arguments.pages.no_open {
         // The addresses were printed: without a desktop they are opened by hand.
         let _ = present::open(studio.url().as_ref());
         let _ = present::open(own.as_ref());
