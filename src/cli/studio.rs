@@ -68,7 +68,11 @@ impl Pages {
 
     /// The network address for other machines: the given one, or that of this machine.
     pub(super) fn lan(&self) -> Result<Option<IpAddr>, Failure> {
-        self.lan.map(lan).transpose()
+        let why = "found no network; give the address at which other machines reach this one: --lan=ADDRESS";
+        let given = |given: Option<IpAddr>| {
+            given.or_else(lan_address).ok_or_else(|| Failure::Message(why.to_owned()))
+        };
+        self.lan.map(given).transpose()
     }
 }
 
@@ -128,14 +132,6 @@ fn learner(table: &Path, surface: &Path, report: &Path) -> io::Result<process::C
     let mut command = process::Command::new(guard::program()?);
     command.arg("learn").arg(table).args([Path::new("-o"), surface, Path::new("--report"), report]);
     Ok(command)
-}
-
-/// The given address, or the network address of this machine.
-fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
-    given.or_else(lan_address).ok_or_else(|| {
-        let why = "found no network; give the address at which other machines reach this one: --lan=ADDRESS";
-        Failure::Message(why.to_owned())
-    })
 }
 
 /// An address as a QR code.

@@ -296,24 +296,14 @@ fn write_page(site: &mut Site) -> Result<(), StudioError> {
     Ok(())
 }
 
-/// Files of the pages of studies, which a site does not have.
-const OF_STUDIES: [&str; 7] = [
-    "experimenter.html",
-    "experimenter.js",
-    "masking.js",
-    "participant.html",
-    "participant.js",
-    "study-pad.js",
-    "study.css",
-];
+/// Files of the pages of studies, which a site does not have, without their endings.
+const OF_STUDIES: [&str; 5] = ["experimenter", "masking", "participant", "study", "study-pad"];
 
 /// True for files that pages load and for licences; false for sources of the bundles.
 fn is_served(path: &Path) -> bool {
-    if OF_STUDIES.iter().any(|file| path == Path::new(file)) {
-        return false;
-    }
     let is_bundled = path.ends_with("vendor/codemirror.js") || path.ends_with("vendor/codemirror.LICENSE");
-    !path.starts_with("vendor") || is_bundled
+    let is_of_studies = path.file_stem().is_some_and(|stem| OF_STUDIES.iter().any(|known| stem == *known));
+    (!path.starts_with("vendor") || is_bundled) && !is_of_studies
 }
 
 struct Site<'a> {

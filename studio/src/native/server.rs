@@ -154,7 +154,7 @@ impl Studio {
         let mut stage = set_up(options, registry)?;
         // No page names a file.
         stage.source.roots = None;
-        stage.begin_study(study)?;
+        stage.begin_study(study);
         let participant = token().map_err(other)?;
         Self::serve(stage, options, Some(participant))
     }
