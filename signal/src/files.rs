@@ -9,13 +9,17 @@ mod write;
 use crate::spelling::closest;
 pub use limits::*;
 #[cfg(target_family = "wasm")]
-pub use memory::{File, put};
+pub use memory::*;
 pub use roots::{Roots, noting_files, refused};
 #[cfg(not(target_family = "wasm"))]
 use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
-pub use write::{TEMPORARY, copy_atomically, is_temporary, write_atomically, write_atomically_by};
+#[cfg(not(target_family = "wasm"))]
+pub use write::{
+    Lock, append_at, create_folder, create_new_folder, lock, remove, remove_folder, write_atomically,
+};
+pub use write::{TEMPORARY, copy_atomically, is_temporary, write_atomically_by};
 
 /// Largest number of names that are read from one folder: more than twice the chunks of the largest batch.
 pub const MAX_NAMES: usize = 500_000;
@@ -267,6 +271,17 @@ pub fn list(folder: &Path) -> Vec<PathBuf> {
     }
     #[cfg(target_family = "wasm")]
     memory::list(folder)
+}
+
+/// The folders in a folder, unordered; none if it does not exist.
+pub fn folders(folder: &Path) -> Vec<PathBuf> {
+    #[cfg(not(target_family = "wasm"))]
+    {
+        let entries = entries(folder).into_iter().flatten().flatten();
+        entries.map(|entry| folder.join(entry.file_name())).filter(|path| is_folder(path)).collect()
+    }
+    #[cfg(target_family = "wasm")]
+    memory::folders(folder)
 }
 
 /// Opens a regular file for changes in place. Never blocks, as [`open`].

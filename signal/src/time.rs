@@ -13,7 +13,29 @@
 //! ```
 
 use std::fmt;
+#[cfg(target_family = "wasm")]
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
+#[cfg(not(target_family = "wasm"))]
+use std::time::{SystemTime, UNIX_EPOCH};
 use thiserror::Error;
+
+/// Time since the beginning of 1970, UTC; in a page, what the page said last by [`set_clock`].
+pub fn since_1970() -> Duration {
+    #[cfg(not(target_family = "wasm"))]
+    return SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    #[cfg(target_family = "wasm")]
+    Duration::from_micros(CLOCK_US.load(Relaxed))
+}
+
+#[cfg(target_family = "wasm")]
+static CLOCK_US: AtomicU64 = AtomicU64::new(0);
+
+/// Sets the clock of a page, which has none of its own.
+#[cfg(target_family = "wasm")]
+pub fn set_clock(since_1970: Duration) {
+    CLOCK_US.store(since_1970.as_micros() as u64, Relaxed);
+}
 
 /// A rate in hertz, an exact positive rational in lowest terms.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]

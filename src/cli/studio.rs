@@ -7,7 +7,7 @@ use super::{Failure, eprint, print, refuse_repeated};
 use crate::engine::registry::Registry;
 use crate::live::guard;
 use confirmation::Confirmation;
-use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
+use haptograph_studio::{Export, Exported, Options, Studio, StudioError, export, lan_address};
 use qrcode::render::unicode::Dense1x2;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
@@ -162,7 +162,11 @@ pub(super) fn failure(error: StudioError) -> Failure {
 fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
     let options =
         Export { graphs: arguments.graph.clone(), set: arguments.set.clone(), folder: folder.to_owned() };
-    let exported = export(&options, registry).map_err(failure)?;
+    say_exported(export(&options, registry).map_err(failure)?, folder)
+}
+
+/// Says what was written.
+pub(super) fn say_exported(exported: Exported, folder: &Path) -> Result<(), Failure> {
     print(&format!(
         "wrote {} files, {:.1} MB, to {}: serve it with any web server, by HTTPS or on this machine\n",
         exported.files,

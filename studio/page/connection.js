@@ -2,7 +2,10 @@
 import { PageEngine } from "./engine.js";
 import { Emitter } from "./events.js";
 import { read } from "./frames.js";
+import { askOpener } from "./study-windows.js";
 
+// True in a page of a site whose engine is in the window that opened it.
+const OPENER = () => document.querySelector('meta[name="haptograph-opener"]') !== null;
 const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
@@ -42,6 +45,7 @@ export class Connection extends Emitter {
 
     connect() {
         if (this.engine) return this.#connectHere();
+        if (OPENER()) return this.#connectToOpener();
         const address = new URL("live", location.href);
         address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });
@@ -51,6 +55,11 @@ export class Connection extends Emitter {
             protocol: PROTOCOL,
             origin_ms: performance.timeOrigin,
         });
+    }
+
+    #connectToOpener() {
+        const join = (port) => this.#worker.postMessage({ what: "connect", engine: { port }, origin_ms: performance.timeOrigin }, [port]);
+        askOpener({ joined: join, lost: (reason) => this.#ended({ wait_s: null, reason }) });
     }
 
     async #connectHere() {
@@ -135,13 +144,18 @@ export class Connection extends Emitter {
         this.emit(message.type, message);
     }
 
-    async #closed(reason) {
+    #ended({ wait_s, reason }) {
         this.open = false;
         for (const resolve of this.#waiting.values()) resolve(failure("The connection was lost before the answer came."));
         this.#waiting.clear();
+        this.emit("lost", { wait_s, ever: this.#ever, reason });
+    }
+
+    async #closed(reason) {
         const wait_s = this.#wait_s;
         this.#wait_s = Math.min(LONGEST_WAIT_S, wait_s * 1.7);
-        this.emit("lost", { wait_s, ever: this.#ever, reason });
+        this.#ended({ wait_s, reason });
+        if (OPENER()) return; // which is asked for another port
         const again = setTimeout(() => this.connect(), wait_s * 1000);
         if (this.engine || !(await isRestarted())) return;
         clearTimeout(again);

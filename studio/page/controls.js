@@ -156,9 +156,7 @@ function savePreset(studio) {
         settings: Object.fromEntries(studio.values),
         parameters: Object.fromEntries(parameters.map(({ name: parameter, value }) => [parameter, value])),
     };
-    const address = URL.createObjectURL(new Blob([`${JSON.stringify(preset, null, 2)}\n`], { type: "application/json" }));
-    make("a", { href: address, download: `${name}-preset.json` }).click();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
+    save(`${name}-preset.json`, new Blob([`${JSON.stringify(preset, null, 2)}\n`], { type: "application/json" }));
 }
 
 // Parameters first (the graph is loaded anew), then the settings that it has.

@@ -49,5 +49,12 @@ export const kept = {
     },
 };
 
+// Lets the browser download a Blob.
+export function save(name, blob) {
+    const address = URL.createObjectURL(blob);
+    make("a", { href: address, download: name }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
 // An SVG text as the address of an image: in an image no script runs and nothing is loaded.
 export const imageOf = (svg) => `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;

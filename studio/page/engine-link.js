@@ -21,6 +21,8 @@ export class EngineLink {
         this.bufferedAmount = 0;
         this.onmessage = this.onclose = () => {};
         port.onmessage = ({ data }) => (data.failed ? this.#fail(data.failed) : this.#deliver(data));
+        // A study is not edited.
+        if (!wasm) return;
         this.#checker = Promise.resolve().then(() => {
             const module = new Module(wasm);
             for (const file of files) module.put(file);

@@ -12,7 +12,9 @@ const QUIET_MS = 200; // a context that is suspended asks for nothing
 class Engine extends AudioWorkletProcessor {
     constructor({ processorOptions: { wasm, files, opened } }) {
         super();
-        this.link = null;
+        this.links = []; // to the page; of a study to the experimenter's and the participant's
+        this.asked = this.kept = 0; // what the page was asked to keep of a study, and what it has kept
+        this.held = []; // messages to the participant's page that wait for that
         this.module = null;
         this.rendered = this.driven = 0; // frames of the sound card and of the graph's driver
         this.ring = new Float64Array(RING); // where the card's rate is not the graph's
@@ -23,7 +25,7 @@ class Engine extends AudioWorkletProcessor {
         this.edit_ms = null; // how long the latest edit kept the sound
         this.since_s = this.report_s = this.peak = this.busy_ms = 0;
         this.told_ms = this.ran_ms = Date.now();
-        this.port.onmessage = ({ data }) => this.join(data.link);
+        this.port.onmessage = ({ data }) => this.follow(data);
         this.attempt(() => {
             const module = new Module(wasm);
             for (const file of files) module.put(file);
@@ -32,20 +34,39 @@ class Engine extends AudioWorkletProcessor {
         });
     }
 
-    join(link) {
-        this.link = link;
+    follow({ link, page = 0, leaves, kept }) {
+        if (kept) {
+            this.kept = kept;
+            this.tell();
+        } else if (leaves) {
+            this.links.length = 1;
+            this.attempt(() => this.module.letParticipant(false));
+        } else this.join(link, page);
+    }
+
+    join(link, page) {
+        this.links[page] = link;
+        this.held = [];
+        if (page === 1) this.attempt(() => this.module.letParticipant(true));
         link.onmessage = ({ data }) => {
+            if (this.links[page] !== link) return;
             // STOP does not wait for an edit; without playback there is nothing to fade.
-            if (Date.now() - this.ran_ms > QUIET_MS) this.edits.splice(0).forEach((waiting) => this.hear(waiting));
+            if (this.isQuiet) this.edits.splice(0).forEach((waiting) => this.hear(waiting));
             else if (data.edits) return this.edits.push(data);
-            if (data.text || data.surface || data.bytes.byteLength) this.hear(data);
+            if (data.text || data.surface || data.bytes.byteLength) this.hear(data, page);
         };
+        if (this.isQuiet) this.publish();
         this.tell();
         if (this.failure) link.postMessage({ failed: this.failure });
     }
 
-    hear(message) {
-        this.attempt(() => (message.surface ? this.module.addSurface(message.surface) : this.module.hear(message)));
+    // True if the context does not play.
+    get isQuiet() {
+        return Date.now() - this.ran_ms > QUIET_MS;
+    }
+
+    hear(message, page = 0) {
+        this.attempt(() => (message.surface ? this.module.addSurface(message.surface) : this.module.hear(message, page)));
         this.tell();
     }
 
@@ -58,7 +79,7 @@ class Engine extends AudioWorkletProcessor {
             this.failure = error instanceof Uint8Array ? error : this.module?.panic;
             if (!this.failure?.length) this.failure = String(error);
             this.module = null;
-            this.link?.postMessage({ failed: this.failure });
+            for (const link of this.links) link.postMessage({ failed: this.failure });
         }
     }
 
@@ -135,9 +156,15 @@ class Engine extends AudioWorkletProcessor {
     }
 
     tell() {
-        if (!this.link || !this.module) return;
+        if (this.links.length === 0 || !this.module) return;
         this.attempt(() => {
-            for (const message of this.module.messages()) this.link.postMessage(message, [message.bytes]);
+            const changes = [...this.module.changes()];
+            if (changes.length) this.port.postMessage({ keep: ++this.asked, changes });
+            for (const message of this.module.messages(0)) this.links[0].postMessage(message, [message.bytes]);
+            // What was answered is on disk before the participant sees the next trial.
+            this.held.push(...this.module.messages(1));
+            if (this.kept < this.asked) return;
+            for (const message of this.held.splice(0)) this.links[1]?.postMessage(message, [message.bytes]);
         });
     }
 }

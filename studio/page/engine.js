@@ -1,9 +1,13 @@
 // The engine in this page, where the site has one: its files, its place in the audio thread, and what it needs to begin.
+import { StudyStore } from "./study-store.js";
+
 const NAME = "haptograph-site";
+const KEEPS_AGAIN_MS = 2000;
 const WELL_HEARD_HZ = 32_000; // a context of a lower rate is slow to answer
 
 export class PageEngine {
     #site = null;
+    #keeping = Promise.resolve();
 
     // The engine of an exported page; null if a server runs it.
     static here() {
@@ -14,7 +18,9 @@ export class PageEngine {
     constructor(address) {
         this.address = address;
         this.context = this.node = null;
+        this.store = null; // of a study's data
         this.onchange = () => {};
+        this.onfailure = () => {}; // gets the reason why data could not be kept
     }
 
     // The reason why no engine can run in this page, with a remedy; null if an engine can run.
@@ -42,10 +48,14 @@ export class PageEngine {
 
     // A new engine for the graph in the address, or for the first graph.
     async open() {
-        const { graphs, files, wasm } = await this.#load();
+        const { graphs, study, files: shipped, wasm } = await this.#load();
         const wanted = new URLSearchParams(location.search).get("graph");
-        const { path, set, rate_hz } = graphs.find(({ name }) => name === wanted) ?? graphs[0];
-        const opened = new TextEncoder().encode(JSON.stringify({ graph: path, set }));
+        const { path, set, rate_hz } = study ?? graphs.find(({ name }) => name === wanted) ?? graphs[0];
+        if (study) this.store ??= await StudyStore.open(this.address.pathname);
+        const encoder = new TextEncoder();
+        const kept = await this.kept();
+        const files = shipped.concat(kept.map(({ path, bytes }) => ({ path: encoder.encode(path), bytes })));
+        const opened = encoder.encode(JSON.stringify(study ? { study: path } : { graph: path, set }));
         if (!this.context) await this.#openContext(rate_hz);
         this.node?.disconnect();
         const processorOptions = { wasm, files, opened };
@@ -57,9 +67,49 @@ export class PageEngine {
         // A node that is not connected does not run.
         const silent = new GainNode(this.context, { gain: 0 });
         this.node.connect(silent).connect(this.context.destination);
+        if (this.store) this.node.port.onmessage = ({ data }) => data.keep && this.#keep(data);
+        const port = this.#linked(0);
+        return study ? { port } : { port, wasm, files, opened };
+    }
+
+    // The files of a study's data.
+    async kept() {
+        return (await this.store?.files()) ?? [];
+    }
+
+    // A port for the page of a study's participant.
+    letIn() {
+        return this.#linked(1);
+    }
+
+    letOut() {
+        this.node?.port.postMessage({ leaves: true });
+    }
+
+    #linked(page) {
         const { port1, port2 } = new MessageChannel();
-        this.node.port.postMessage({ link: port1 }, [port1]);
-        return { port: port2, wasm, files, opened };
+        this.node.port.postMessage({ link: port1, page }, [port1]);
+        return port2;
+    }
+
+    // In their order. What could not be kept is tried again: the participant waits meanwhile.
+    #keep(asked) {
+        this.#keeping = this.#keeping.then(() => this.#keepNext(asked));
+    }
+
+    async #keepNext({ keep, changes }) {
+        const decoder = new TextDecoder();
+        const files = changes.map(({ path, bytes }) => ({ path: decoder.decode(path), bytes }));
+        const { node } = this;
+        for (;;) {
+            try {
+                await this.store.keep(files);
+                return node.port.postMessage({ kept: keep });
+            } catch (error) {
+                this.onfailure(error.message);
+                await new Promise((done) => setTimeout(done, KEEPS_AGAIN_MS));
+            }
+        }
     }
 
     async #openContext(rate_hz) {
@@ -90,6 +140,6 @@ export class PageEngine {
             path: encoder.encode(path),
             bytes: await bytes(`files/${path.split("/").map(encodeURIComponent).join("/")}`),
         }));
-        return { graphs: site.graphs, files: await Promise.all(files), wasm: await bytes(site.engine) };
+        return { ...site, files: await Promise.all(files), wasm: await bytes(site.engine) };
     }
 }

@@ -1,16 +1,25 @@
 // The experimenter's page of a study: who takes part, what is to be done now, and what an experimenter may do about it.
 import { Connection } from "./connection.js";
-import { find, make, setText, takesText } from "./dom.js";
+import { find, make, save, setText, takesText } from "./dom.js";
+import { zip } from "./study-store.js";
+import { letIn } from "./study-windows.js";
 
 const HOLD_MS = 50;
 const MOST_APART_MS = 1000;
 const connection = new Connection();
+const { engine } = connection; // in an exported site
 let view = null;
 let certain = null; // the button that was pressed once and asks for a second press
 
 function say(message) {
     setText(find("problem"), "");
     connection.send({ type: "study", ...message });
+}
+
+// Browsers let an engine run only once a person has pressed something.
+function openParticipant() {
+    engine.start();
+    window.open("participant.html", "haptograph-participant", "popup,width=1100,height=800");
 }
 
 connection.on("experimenter", (next) => {
@@ -27,7 +36,9 @@ connection.on("lost", ({ reason }) => {
 
 // What is to be done now, and the button for it.
 function task({ session, to_confirm, participant_is_there, pressed_n }) {
+    if (!participant_is_there && engine) return ["The participant has a window of its own. Put it where only they see it.", "Open the participant's page", openParticipant];
     if (!participant_is_there) return ["Open the participant's page: its address is in the terminal."];
+    if (engine?.waits) return ["The page was reloaded. Browsers let its engine go on once something is pressed.", "Go on", () => engine.start()];
     if (!session) return ["Who takes part?"];
     const { state, held, laid, is_pair } = session;
     if (state === "consent") return ["The participant reads the consent. Nothing is kept before they agree."];
@@ -62,7 +73,7 @@ function show() {
     setText(find("now"), text);
     find("main").hidden = !label;
     setText(find("main"), label ?? "");
-    find("main").onclick = message ? () => say(message) : null;
+    find("main").onclick = typeof message === "function" ? message : message ? () => say(message) : null;
     find("limits").hidden = !view.to_confirm || !session;
     find("limits").replaceChildren(...view.driven.map((text) => make("li", { text })));
     find("begin").hidden = Boolean(session) || !view.participant_is_there;
@@ -113,7 +124,7 @@ function showPeople() {
         make("tr", {}, ...[code, group, String(done), withdrawn ? "withdrawn" : finished ? "finished" : ""].map((text) => make("td", { text }))),
     );
     find("people").tBodies[0].replaceChildren(...rows);
-    setText(find("folder"), view.folder);
+    setText(find("folder"), engine ? "The data are in this browser alone. Download them after each session." : view.folder);
     const names = groups.map(({ name }) => name);
     if ([...find("group").options].map(({ value }) => value).join() !== names.join()) {
         find("group").replaceChildren(...names.map((name) => make("option", { value: name, text: name })));
@@ -156,7 +167,8 @@ function twice(button, message) {
     const label = button.textContent;
     button.addEventListener("click", () => {
         if (certain === button) {
-            say(message);
+            if (typeof message === "function") message();
+            else say(message);
             certain = null;
         } else {
             certain = button;
@@ -204,5 +216,16 @@ setInterval(() => {
     last_ms += passed_ms;
     if (view?.driven.length && !document.hidden && passed_ms < MOST_APART_MS) connection.send({ type: "hold" });
 }, HOLD_MS);
+if (engine) {
+    letIn(engine);
+    find("kept").hidden = false;
+    connection.on("waiting", () => view && show());
+    engine.onfailure = (why) => setText(find("problem"), `The browser cannot keep the data, so the participant waits: ${why}. Free room on the disk.`);
+    find("download").addEventListener("click", async () => save(`${view?.file ?? "study"}.zip`, zip(await engine.kept())));
+    twice(find("forget"), async () => {
+        await engine.store?.clear();
+        location.reload();
+    });
+}
 connection.connect();
-window.experimenter = { get view() { return view; } }; // for tests
+window.experimenter = { engine, get view() { return view; } }; // for tests

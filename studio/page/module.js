@@ -15,8 +15,9 @@ export class Module {
         this.#calls.haptograph_file(path.length);
     }
 
-    // Begins to run a graph ({ graph, set } as JSON); throws its errors, as bytes.
+    // Begins to run a graph ({ graph, set } as JSON) or a study ({ study }); throws its errors, as bytes.
     open(opened) {
+        this.#tellTime();
         this.#fill(opened);
         if (!this.#calls.haptograph_open()) throw this.#message();
     }
@@ -27,10 +28,25 @@ export class Module {
         if (!this.#calls.haptograph_open_checker()) throw this.#message();
     }
 
-    // Takes a message of the page.
-    hear({ bytes, text }) {
+    // Takes a message of a page: 0, or 1 for a study's participant.
+    hear({ bytes, text }, page) {
+        this.#tellTime();
         this.#fill(new Uint8Array(bytes));
-        this.#calls.haptograph_hear(text ? 1 : 0);
+        this.#calls.haptograph_hear(page, text ? 1 : 0);
+    }
+
+    // Lets the page of a study's participant in, or says that it is gone.
+    letParticipant(isThere) {
+        this.#calls.haptograph_participant(isThere ? 1 : 0);
+    }
+
+    // The files of a study that were written since the last time, { path, bytes }; those that were removed have no bytes.
+    *changes() {
+        for (let kind = this.#calls.haptograph_changed(); kind; kind = this.#calls.haptograph_changed()) {
+            const path = this.#message();
+            const content = this.#calls.haptograph_room_length();
+            yield kind === 1 ? { path } : { path, bytes: this.#copy(this.#calls.haptograph_room(content), content) };
+        }
     }
 
     // The answer to a message that asks for a check or a wrong edit; null if the engine has to answer.
@@ -68,12 +84,13 @@ export class Module {
     }
 
     publish(passed_ms, busy_ms) {
+        this.#tellTime();
         this.#calls.haptograph_publish(passed_ms, busy_ms);
     }
 
-    // The messages to the page since the last time, { bytes, text }.
-    *messages() {
-        for (let kind = this.#calls.haptograph_next(); kind; kind = this.#calls.haptograph_next())
+    // The messages to a page since the last time, { bytes, text }.
+    *messages(page) {
+        for (let kind = this.#calls.haptograph_next(page); kind; kind = this.#calls.haptograph_next(page))
             yield { bytes: this.#message().buffer, text: kind === TEXT };
     }
 
@@ -93,6 +110,10 @@ export class Module {
     // The reason why the module ended, as bytes; empty while it runs.
     get panic() {
         return this.#copy(this.#calls.haptograph_panic(), this.#calls.haptograph_panic_length());
+    }
+
+    #tellTime() {
+        this.#calls.haptograph_clock(Date.now());
     }
 
     #fill(...parts) {

@@ -35,7 +35,11 @@ const pad = mountStudyPad(connection, () => participant.runs);
 connection.on("hello", (hello) => (participant.hello = hello));
 connection.on("participant", (view) => show(view));
 connection.on("refused", () => setText(find("problem"), participant.view?.texts?.problem ?? ""));
-connection.on("lost", () => show({ ...participant.view, state: "wait" }));
+connection.on("lost", ({ reason }) => {
+    show({ ...participant.view, state: "wait" });
+    // Whoever was never told anything is not in a session.
+    if (!participant.hello) setText(find("problem"), reason ?? "");
+});
 
 const LEAST_MS = 400; // a second press of a button is no answer to what comes next
 let asked_ms = -Infinity;

@@ -42,7 +42,5 @@ export function mountRecorder(studio) {
 }
 
 function download(recording) {
-    const address = URL.createObjectURL(new Blob([JSON.stringify(recording)], { type: "application/json" }));
-    make("a", { href: address, download: `${recording.graph}-strokes.json` }).click();
-    setTimeout(() => URL.revokeObjectURL(address), 1000);
+    save(`${recording.graph}-strokes.json`, new Blob([JSON.stringify(recording)], { type: "application/json" }));
 }

@@ -44,4 +44,6 @@ mod wire;
 pub use record::{APPENDED, recover};
 
 #[cfg(not(target_family = "wasm"))]
-pub use native::{Export, Exported, Learner, Options, Studio, StudioError, export, lan_address};
+pub use native::{
+    Export, Exported, Learner, Options, Studio, StudioError, export, export_study, lan_address,
+};

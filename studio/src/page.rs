@@ -7,6 +7,7 @@ use super::load::Source;
 use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
 use super::stage::{Host, Stage};
+use super::study;
 use super::talk::{self, Response, Work};
 use super::wire::{self, ClientMessage};
 use haptograph_engine::registry::Registry;
@@ -28,14 +29,20 @@ pub(crate) const HOST: Host = Host {
     can_learn: true,
     can_drive: false,
 };
+/// Folder of a study's data.
+pub const DATA: &str = "data";
 /// Buffer size for the samples played in one call without allocation.
 const ROOM: usize = 1 << 14;
 
-/// The graph to run.
+/// The graph or the study to run.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Opened {
     /// The graph's file.
+    #[serde(default)]
     pub graph: PathBuf,
+    /// The study's file, in place of a graph; its data are the files in the folder [`DATA`].
+    #[serde(default)]
+    pub study: Option<PathBuf>,
     /// Parameters that override the defaults, as RON.
     #[serde(default)]
     pub set: Vec<(String, String)>,
@@ -61,56 +68,91 @@ impl Line for Sender<Message> {
     }
 }
 
-/// A graph driven by its caller, with its page.
+/// A graph driven by its caller, with its page; with two of a study.
 pub struct Engine {
     stage: Stage,
-    page: u64,
-    line: Sender<Message>,
-    out: Receiver<Message>,
+    /// The page; of a study the experimenter's, then the participant's.
+    pages: Vec<Connected>,
     publisher: Publisher,
     /// Samples played by the latest call.
     played: Vec<f64>,
 }
 
+/// A page with the messages to it.
+struct Connected {
+    id: u64,
+    line: Sender<Message>,
+    out: Receiver<Message>,
+}
+
+impl Connected {
+    fn say(&self, message: Message) {
+        // The receiver exists as long as the page.
+        let _ = self.line.send(message);
+    }
+}
+
 impl Engine {
-    /// Starts a graph; its first messages are queued.
+    /// Starts a graph or a study; its first messages are queued.
     ///
     /// # Errors
-    /// The errors of the graph as readable text.
+    /// The errors of the graph or the study as readable text.
     pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
-        let mut stage = Stage::open(opened.source(registry), HOST).map_err(|error| match error {
+        let failed = |error| match error {
             StageError::Graph(wrong) => haptograph_engine::diagnostic::render(&wrong, false),
             error => error.to_string(),
-        })?;
-        let (line, out) = channel();
-        let (page, first) = talk::greet(&mut stage, Box::new(line.clone()), Reach::Machine);
+        };
+        let stage = match &opened.study {
+            None => Stage::open(opened.source(registry), HOST).map_err(failed)?,
+            Some(study) => {
+                let (source, conductor) = study::open(study, registry).map_err(|error| error.to_string())?;
+                let mut stage = Stage::open(source, HOST).map_err(failed)?;
+                stage.begin_study(conductor);
+                stage
+            }
+        };
         let mut engine = Self {
             stage,
-            page,
-            line,
-            out,
+            pages: Vec::new(),
             publisher: Publisher::default(),
             played: Vec::with_capacity(ROOM),
         };
-        first.into_iter().for_each(|message| engine.say(message));
+        engine.connect(Reach::Machine);
         Ok(engine)
     }
 
-    fn say(&mut self, message: Message) {
-        // The receiver exists as long as the engine.
-        let _ = self.line.send(message);
+    fn connect(&mut self, reach: Reach) {
+        let (line, out) = channel();
+        let (id, first) = talk::greet(&mut self.stage, Box::new(line.clone()), reach);
+        let page = Connected { id, line, out };
+        first.into_iter().for_each(|message| page.say(message));
+        self.pages.push(page);
     }
 
-    /// Handles a message of the page.
-    pub fn hear(&mut self, message: &Message) {
-        let answer = match talk::hear(&mut self.stage, self.page, message) {
+    /// Lets the participant's page of a study in, as page 1, in place of the one before; its first messages are queued.
+    pub fn let_in(&mut self) {
+        self.let_out();
+        self.connect(Reach::Participant);
+    }
+
+    /// Says that the participant's page of a study is gone.
+    pub fn let_out(&mut self) {
+        for page in self.pages.drain(1..) {
+            self.stage.leave(page.id);
+        }
+    }
+
+    /// Handles a message of a page: 0, or 1 for the participant's of a study.
+    pub fn hear(&mut self, page: usize, message: &Message) {
+        let Some(id) = self.pages.get(page).map(|page| page.id) else { return };
+        let answer = match talk::hear(&mut self.stage, id, message) {
             // The page learns, and cancels that itself.
             Response::None | Response::Cancel { .. } => return,
             Response::Answer(answer) => answer,
             Response::Work { request, work } => self.work(request, work),
             Response::Learn { request, .. } => talk::reply(request, Err(elsewhere())),
         };
-        self.say(wire::text(&answer));
+        self.pages[page].say(wire::text(&answer));
     }
 
     fn work(&mut self, request: u64, work: Work) -> Value {
@@ -160,9 +202,9 @@ impl Engine {
         self.publisher.publish(&mut self.stage);
     }
 
-    /// The next message to the page.
-    pub fn next_message(&mut self) -> Option<Message> {
-        self.out.try_recv().ok()
+    /// The next message to a page.
+    pub fn next_message(&mut self, page: usize) -> Option<Message> {
+        self.pages.get(page)?.out.try_recv().ok()
     }
 
     /// Rate of the driver, Hz.

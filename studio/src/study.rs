@@ -1,32 +1,58 @@
 //! A study that pages conduct.
 
+use super::load::Source;
+use super::page::DATA;
+use haptograph_engine::registry::Registry;
+use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::conduct::{Conductor, Presentation};
+use haptograph_study::data::Folder;
 use serde_json::Value;
+use std::path::Path;
+#[cfg(not(target_family = "wasm"))]
 use std::time::Instant;
 
 /// A study that is being run on a stage.
 pub(crate) struct OnStage {
     pub conductor: Conductor,
-    begun: Instant,
+    begun: Begun,
     /// What each kind of page was told last.
     pub told: [Value; 2],
     /// The run that follows once the one before has fallen to zero.
     pub presentation: Option<Presentation>,
-    /// When the experimenter's page held the actuators last.
-    pub held: Option<Instant>,
-    /// In a page there is no study: the compiler leaves it out.
-    #[cfg(target_family = "wasm")]
-    never: std::convert::Infallible,
+    /// When the experimenter's page held the actuators last, s.
+    pub held_s: Option<f64>,
 }
 
+/// When a session began: a page has the clock that it is told.
+#[cfg(not(target_family = "wasm"))]
+type Begun = Instant;
+#[cfg(target_family = "wasm")]
+type Begun = std::time::Duration;
+
 impl OnStage {
-    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn new(conductor: Conductor) -> Self {
-        Self { conductor, begun: Instant::now(), told: Default::default(), presentation: None, held: None }
+        #[cfg(not(target_family = "wasm"))]
+        let begun = Instant::now();
+        #[cfg(target_family = "wasm")]
+        let begun = haptograph_signal::time::since_1970();
+        Self { conductor, begun, told: Default::default(), presentation: None, held_s: None }
     }
 
     /// Time of the session, s.
     pub(crate) fn now_s(&self) -> f64 {
-        self.begun.elapsed().as_secs_f64()
+        #[cfg(not(target_family = "wasm"))]
+        let passed = self.begun.elapsed();
+        #[cfg(target_family = "wasm")]
+        let passed = haptograph_signal::time::since_1970().saturating_sub(self.begun);
+        passed.as_secs_f64()
     }
+}
+
+/// Opens a study in a page, whose data are its own.
+pub(crate) fn open(path: &Path, registry: &Registry) -> Result<(Source, Conductor), StudyError> {
+    let checked = Checked::load(path, None)?;
+    let folder = Folder::open(Path::new(DATA), &checked.identity(None))?;
+    let (graph, set) = Conductor::first(&checked, registry)?;
+    let source = Source::new(checked.study.graph.clone(), registry, set);
+    Ok((source, Conductor::open(checked, folder, &graph)?))
 }

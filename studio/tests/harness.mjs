@@ -16,7 +16,7 @@ export const address = served?.address ?? where;
 if (folder) mkdirSync(folder, { recursive: true });
 // The repository, and the program that was built in it.
 export const HOME = process.env.HAPTOGRAPH_HOME ?? fileURLToPath(new URL("../..", import.meta.url));
-const PROGRAM = process.env.HAPTOGRAPH ?? join(HOME, "target/release/haptograph");
+export const PROGRAM = process.env.HAPTOGRAPH ?? join(HOME, "target/release/haptograph");
 // A name that leads here but is not this machine to a browser.
 export const FAR_NAME = "studio.test";
 export const browser = await chromium.launch({

@@ -1,10 +1,13 @@
 // A study on its two pages: whole sessions of two people, by mouse, pen, finger and keys; that the participant's page shows no name; and
 // that nothing is lost when the program is killed.
 import assert from "node:assert/strict";
-import { existsSync, readFileSync, rmSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { cpSync, existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { open, picture, programTest, studioOf, until } from "./harness.mjs";
+import { HOME, open, picture, PROGRAM, programTest, studioOf, until } from "./harness.mjs";
+import { serve } from "./serve.mjs";
 
 const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const LOST = /WebSocket|ERR_|Failed to load/;
@@ -43,9 +46,40 @@ const pagesOf = async ({ addresses: [mine, theirs] }, how = {}) => [
     await open({ at: mine, isReady: isReady("experimenter"), expected: LOST }),
     await open({ at: theirs, isReady: isReady("participant"), expected: LOST, ...how }),
 ];
+// The study as an exported site; null if the program has no engine for pages.
+async function site() {
+    if (!existsSync(join(HOME, "studio/engine.wasm"))) return null;
+    const root = mkdtempSync(join(tmpdir(), "haptograph-study-"));
+    cpSync(join(HOME, "graphs"), join(root, "graphs"), { recursive: true });
+    writeFileSync(join(root, "study.ron"), STUDY);
+    execFileSync(PROGRAM, ["study", "run", "study.ron", "--export", "site"], { cwd: root });
+    const { address, close } = await serve(join(root, "site"));
+    return { address, end: () => (close(), rmSync(root, { recursive: true, force: true })) };
+}
+
+// Both pages of a site, in a browser that keeps what it kept.
+async function pagesOfSite(address, context = null) {
+    const experimenter = context ? await context.newPage() : await open({ at: address, isReady: isReady("experimenter") });
+    if (context) await experimenter.goto(address);
+    await until(experimenter, () => window.experimenter.view);
+    const [participant] = await Promise.all([experimenter.context().waitForEvent("page"), experimenter.click("#main")]);
+    await until(participant, () => window.participant?.view);
+    return [experimenter, participant];
+}
+
+// What a browser has kept of a study, by its paths.
+const keptBy = (page) =>
+    page.evaluate(async () => {
+        const files = (await window.experimenter.engine.kept()).map(({ path, bytes }) => [path, new TextDecoder().decode(bytes)]);
+        return Object.fromEntries(files);
+    });
+
 const table = (root, name) => {
     const path = join(root, "out/study", name);
-    const lines = existsSync(path) ? readFileSync(path, "utf8").trim().split("\n") : [];
+    return rowsOf(existsSync(path) ? readFileSync(path, "utf8") : "");
+};
+const rowsOf = (text = "") => {
+    const lines = text.trim().split("\n");
     const names = lines[0]?.split(",") ?? [];
     const cell = /(?:"((?:[^"]|"")*)"|([^,]*))(?:,|$)/gy;
     const cells = (line) => [...line.matchAll(cell)].map(([, quoted, plain]) => quoted?.replaceAll('""', '"') ?? plain);
@@ -83,6 +117,23 @@ const strokeBy = {
         await page.mouse.down();
         for (let i = 0; i < 12; i++) await page.mouse.move(x + width / 2 + 60 * Math.sin(i / 2), y + height / 2);
         await page.mouse.up();
+    },
+    pen: async (page, { x, y, width, height }) => {
+        const session = await page.context().newCDPSession(page);
+        const send = (type, i, force) =>
+            session.send("Input.dispatchMouseEvent", {
+                type,
+                x: x + width / 2 + 60 * Math.sin(i / 2),
+                y: y + height / 2,
+                force,
+                button: type === "mouseMoved" ? "none" : "left",
+                buttons: type === "mouseReleased" ? 0 : 1,
+                clickCount: 1,
+                pointerType: "pen",
+            });
+        await send("mousePressed", 0, 0.4);
+        for (let i = 1; i < 12; i++) await send("mouseMoved", i, 0.4);
+        await send("mouseReleased", 12, 0);
     },
     keys: async (page) => {
         await page.focus("#pad");
@@ -177,6 +228,82 @@ programTest("two people take part in a study, by mouse and by keys, blind, and e
     assert.equal(rows.find(({ scale }) => scale === "ibex").text, 'it, "was" fine');
     await served.end();
     for (const page of [experimenter, participant]) await page.context().close();
+});
+
+// The content of an archive without compression, by its paths.
+function unzipped(bytes) {
+    const files = {};
+    const end = bytes.length - 22;
+    assert.equal(bytes.readUInt32LE(end), 0x06054b50);
+    for (let n = 0, at = bytes.readUInt32LE(end + 16); n < bytes.readUInt16LE(end + 10); n++) {
+        const name = bytes.readUInt16LE(at + 28);
+        const path = bytes.toString("utf8", at + 46, at + 46 + name);
+        const from = bytes.readUInt32LE(at + 42) + 30 + name;
+        files[path] = bytes.subarray(from, from + bytes.readUInt32LE(at + 24));
+        at += 46 + name;
+    }
+    return files;
+}
+
+programTest("two people take part in a study that runs in the browser, blind, and the data can be downloaded and analysed", async () => {
+    const exported = await site();
+    if (!exported) return console.log("skipped: this program has no engine for pages");
+    const [experimenter, participant] = await pagesOfSite(exported.address);
+    for (const [code, how] of [["P1", "pen"], ["P2", "mouse"]]) {
+        await begin(experimenter, participant, code);
+        while (await step(experimenter, participant, how, () => isBlind(participant)));
+        await experimenter.click("#main");
+        await until(experimenter, () => !window.experimenter.view.session);
+    }
+    await isAccessible(experimenter);
+    await picture(experimenter, "experimenter-of-a-site");
+    const [download] = await Promise.all([experimenter.waitForEvent("download"), experimenter.click("#download")]);
+    assert.equal(download.suggestedFilename(), "study.ron.zip");
+    const files = unzipped(readFileSync(await download.path()));
+    const rows = rowsOf(files["data/trials.csv"].toString());
+    assert.equal(rows.length, 2 * TRIALS);
+    assert(rows.every(({ status, simulated }) => status === "answered" && simulated === "false"));
+    // Each run in which something was felt can be replayed.
+    const runs = Object.keys(files).filter((path) => /^data\/signals\/P[12]\/.*\/strokes\.json$/.test(path));
+    const felt = rows.filter(({ first_version, second_version }) => [first_version, second_version].some((of) => of && of !== "real"));
+    assert(runs.length >= felt.length, `${runs.length} of ${felt.length}`);
+    assert(runs.every((path) => JSON.parse(files[path]).moves.length > 0));
+    const root = mkdtempSync(join(tmpdir(), "haptograph-data-"));
+    for (const name of ["study.json", "study.ron", "participants.csv", "trials.csv"]) writeFileSync(join(root, name), files[`data/${name}`]);
+    const { means } = JSON.parse(execFileSync(PROGRAM, ["study", "analyse", root, "--json"], { encoding: "utf8" }));
+    assert(means.length > 0);
+    rmSync(root, { recursive: true, force: true });
+    await experimenter.context().close();
+    exported.end();
+});
+
+programTest("a study in the browser whose windows are closed at any moment loses no answer and doubles none", async () => {
+    const exported = await site();
+    if (!exported) return console.log("skipped: this program has no engine for pages");
+    let [experimenter, participant] = await pagesOfSite(exported.address);
+    const context = experimenter.context();
+    const trials = async () => rowsOf((await keptBy(experimenter))["data/trials.csv"]).map(({ trial }) => Number(trial));
+    for (let kill = 0; kill < KILLS / 2; kill++) {
+        const before = await trials();
+        if (before.length === TRIALS) break;
+        await begin(experimenter, participant, "P1");
+        // The participant sees a further trial: what was answered is on disk.
+        let answers = 0;
+        for (let last = null; answers < 2 && (await step(experimenter, participant, "mouse")); ) {
+            const trial = await participant.evaluate(() => participant.view.trial ?? null);
+            if (last !== null && trial !== last) answers += 1;
+            last = trial;
+        }
+        if (kill % 2) await experimenter.close();
+        await participant.close();
+        if (!(kill % 2)) await experimenter.close();
+        [experimenter, participant] = await pagesOfSite(exported.address, context);
+        const after = await trials();
+        assert(after.length > before.length && after.length >= before.length + answers, `${before.length} ${answers} ${after.length}`);
+        assert.deepEqual(after, after.map((_, i) => i + 1), "lost or doubled");
+    }
+    await context.close();
+    exported.end();
 });
 
 programTest("a study that is killed at any moment loses no answer and doubles none", async () => {

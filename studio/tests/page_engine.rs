@@ -17,6 +17,7 @@ fn engine(graph: &str) -> Engine {
     let opened = Opened {
         graph: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph),
         set: Vec::new(),
+        study: None,
     };
     Engine::open(opened, &haptograph_nodes::registry()).expect("it ships")
 }
@@ -38,13 +39,13 @@ fn stroke(engine: &mut Engine, seconds: f64, mut callback: impl FnMut(&mut Engin
     for block in 0..(seconds / block_s) as u64 {
         // Pointers come every 8 ms, new data are sent every 11 ms.
         if block % 3 == 0 {
-            engine.hear(&pointer(block as f64 * block_s));
+            engine.hear(0, &pointer(block as f64 * block_s));
         }
         callback(engine);
         if block % 4 == 0 {
             let passed = Duration::from_secs_f64(4.0 * block_s);
             engine.publish(passed, Duration::ZERO);
-            while engine.next_message().is_some() {}
+            while engine.next_message(0).is_some() {}
         }
     }
 }
@@ -54,7 +55,7 @@ fn a_steady_run_does_not_allocate_in_the_callback() {
     for graph in ["texturepad.ron", "omni.ron", "ar-pen.ron"] {
         let mut engine = engine(graph);
         let scopes = r#"{"type":"scope","ports":[{"name":"out.delivered","raw":true}]}"#;
-        engine.hear(&Message::Text(scopes.to_owned()));
+        engine.hear(0, &Message::Text(scopes.to_owned()));
         stroke(&mut engine, 0.5, |engine| {
             engine.process(BLOCK);
         });

@@ -18,6 +18,7 @@ import { locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { simulatedAlone } from "../page/pads.js";
 import { placeOf } from "../page/ron.js";
+import { zip } from "../page/study-store.js";
 import { Trace } from "../page/trace.js";
 
 test("every module of the page is a module", () => {
@@ -28,6 +29,16 @@ test("every module of the page is a module", () => {
         });
         assert.equal(status, 0, `${name}: ${stderr}`);
     }
+});
+
+test("an archive has its files with their checksums", async () => {
+    const text = (value) => new TextEncoder().encode(value);
+    const archive = new DataView(await zip([{ path: "a/é.csv", bytes: text("123456789") }, { path: "b", bytes: text("") }]).arrayBuffer());
+    assert.equal(archive.getUint32(14, true), 0xcbf43926); // the check value of CRC-32
+    assert.deepEqual([archive.getUint32(18, true), archive.getUint16(26, true)], [9, 8]);
+    const end = archive.byteLength - 22;
+    assert.deepEqual([archive.getUint32(end, true), archive.getUint16(end + 10, true)], [0x06054b50, 2]);
+    assert.equal(archive.getUint32(archive.getUint32(end + 16, true), true), 0x02014b50);
 });
 
 test("pointers stand in the message as the protocol says", () => {

@@ -2,13 +2,13 @@
 
 use crate::document::Study;
 use haptograph_engine::document::SettingsFile;
-use haptograph_signal::files::{self, MAX_GRAPH_BYTES, write_atomically};
+use haptograph_signal::files::{self, Lock, MAX_GRAPH_BYTES, MAX_RECORDING_BYTES, write_atomically};
+use haptograph_signal::time::since_1970;
 use jiff::Timestamp;
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// A line of `trials.csv`.
@@ -221,7 +221,7 @@ pub struct Claim {
     session: String,
     /// The participant's attempts so far.
     rows: Vec<Row>,
-    _lock: File,
+    _lock: Lock,
 }
 
 fn file_error(path: &Path, message: impl std::fmt::Display) -> DataError {
@@ -230,8 +230,7 @@ fn file_error(path: &Path, message: impl std::fmt::Display) -> DataError {
 
 /// The time, as `2031-07-04T12:30:00Z`.
 fn now_utc() -> String {
-    let now = Timestamp::now();
-    Timestamp::from_second(now.as_second()).unwrap_or(now).to_string()
+    Timestamp::from_second(since_1970().as_secs() as i64).unwrap_or_default().to_string()
 }
 
 /// A text without line breaks: a trial is a line.
@@ -239,15 +238,12 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The text of a table. A last line without its end was never confirmed, and is left out.
-fn whole_lines(path: &Path) -> Result<Vec<u8>, DataError> {
-    let mut text = match fs::read(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(file_error(path, error)),
-    };
-    text.truncate(complete_length(&text));
-    Ok(text)
+/// The content of a file; nothing if it is missing.
+fn content(path: &Path) -> Result<Vec<u8>, DataError> {
+    match files::read(path, MAX_RECORDING_BYTES) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+        read => read.map_err(|error| file_error(path, error)),
+    }
 }
 
 fn parsed<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Result<Vec<T>, DataError> {
@@ -255,8 +251,10 @@ fn parsed<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Result<Vec<T>, DataE
     rows.map_err(|error| file_error(path, error))
 }
 
+/// The lines of a table. A last one without its end was never confirmed, and is left out.
 fn read<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, DataError> {
-    parsed(path, &whole_lines(path)?)
+    let text = content(path)?;
+    parsed(path, &text[..complete_length(&text)])
 }
 
 /// `true` or `false`, also in the capitals in which spreadsheets write them; nothing if empty.
@@ -288,21 +286,17 @@ fn append<T: Serialize>(
     rows: &[T],
     may: impl FnOnce(&[u8]) -> Result<(), DataError>,
 ) -> Result<(), DataError> {
-    let of = |error: io::Error| file_error(path, error);
-    let file = OpenOptions::new().read(true).append(true).create(true).open(path);
-    let mut file = file.map_err(of)?;
-    let mut text = Vec::new();
-    file.read_to_end(&mut text).map_err(of)?;
+    let text = content(path)?;
     let complete = complete_length(&text);
     may(&text[..complete])?;
     let added = lines(rows, complete == 0).map_err(|error| file_error(path, error))?;
     if complete < text.len() {
         let beside = path.with_extension("interrupted");
-        let kept = OpenOptions::new().append(true).create(true).open(&beside);
-        let end = kept.and_then(|mut kept| kept.write_all(&[&text[complete..], b"\n"].concat()));
-        end.and_then(|()| file.set_len(complete as u64)).map_err(of)?;
+        let before = content(&beside)?;
+        let cut = [&text[complete..], b"\n"].concat();
+        files::append_at(&beside, before.len() as u64, &cut).map_err(|error| file_error(&beside, error))?;
     }
-    file.write_all(&added).and_then(|()| file.sync_data()).map_err(of)
+    files::append_at(path, complete as u64, &added).map_err(|error| file_error(path, error))
 }
 
 /// Length of the lines that have their end.
@@ -312,19 +306,11 @@ fn complete_length(text: &[u8]) -> usize {
 
 /// Replaces a table; one without lines is removed.
 fn replace<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), DataError> {
-    if rows.is_empty() {
-        return unless_missing(fs::remove_file(path), path);
-    }
-    let text = lines(rows, true).map_err(|error| file_error(path, error))?;
-    write_atomically(path, &text).map_err(|error| file_error(path, error))
-}
-
-/// Nothing to remove is no error.
-fn unless_missing(removed: io::Result<()>, path: &Path) -> Result<(), DataError> {
-    match removed {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(file_error(path, error)),
-        _ => Ok(()),
-    }
+    let replaced = match rows {
+        [] => files::remove(path),
+        rows => lines(rows, true).map_err(io::Error::other).and_then(|text| write_atomically(path, &text)),
+    };
+    replaced.map_err(|error| file_error(path, error))
 }
 
 /// An error unless a text can be a participant's code.
@@ -341,10 +327,10 @@ impl Folder {
     /// If it holds data of another study, or if simulated and other participants would be mixed.
     pub fn open(path: &Path, study: &Identity) -> Result<Self, DataError> {
         let folder = Self { path: path.to_path_buf() };
-        fs::create_dir_all(path).map_err(|error| file_error(path, error))?;
+        files::create_folder(path).map_err(|error| file_error(path, error))?;
         let own = path.join("study.json");
         let about = serde_json::json!(study);
-        match fs::read(&own) {
+        match files::read(&own, MAX_GRAPH_BYTES) {
             Ok(text) => {
                 let before: serde_json::Value =
                     serde_json::from_slice(&text).map_err(|error| file_error(&own, error))?;
@@ -362,7 +348,9 @@ impl Folder {
                 }
             }
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(file_error(&own, error)),
-            Err(_) if ["trials.csv", "participants.csv"].iter().any(|name| path.join(name).exists()) => {
+            Err(_)
+                if ["trials.csv", "participants.csv"].iter().any(|name| files::is_file(&path.join(name))) =>
+            {
                 return Err(DataError::OtherStudy { path: folder.path });
             }
             Err(_) => {
@@ -383,7 +371,7 @@ impl Folder {
     /// # Errors
     /// If it has none.
     pub fn existing(path: &Path) -> Result<Self, DataError> {
-        if path.join("study.json").is_file() {
+        if files::is_file(&path.join("study.json")) {
             return Ok(Self { path: path.to_path_buf() });
         }
         let help = files::similar(path).map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
@@ -459,12 +447,12 @@ impl Folder {
         (surface, take): (&str, usize),
     ) -> Result<(), DataError> {
         let (signals, takes) = (self.path.join("signals").join(code), self.path.join("recordings"));
-        let runs = fs::read_dir(&signals).map_err(|error| file_error(&signals, error))?.flatten();
         let number = |path: &PathBuf| {
             let name = path.file_name()?.to_str()?;
             name.strip_prefix(run)?.parse::<u32>().ok()
         };
-        let newest = runs.map(|run| run.path()).filter_map(|path| Some((number(&path)?, path))).max();
+        let runs = files::folders(&signals).into_iter();
+        let newest = runs.filter_map(|path| Some((number(&path)?, path))).max();
         let files = newest.iter().flat_map(|(_, run)| files::list(run));
         let recording =
             files.into_iter().find(|file| file.file_stem().is_some_and(|stem| stem == "recording"));
@@ -474,29 +462,27 @@ impl Folder {
         let surface: String = surface.chars().map(plain).collect();
         let end = recording.extension().unwrap_or_default().to_string_lossy();
         let copy = takes.join(format!("{surface}.{code}.{take}.{end}"));
-        let copied = fs::create_dir_all(&takes).and_then(|()| fs::read(&recording));
+        let copied = files::create_folder(&takes).and_then(|()| files::read(&recording, MAX_RECORDING_BYTES));
         let copied = copied.and_then(|bytes| write_atomically(&copy, &bytes));
         copied.map_err(|error| file_error(&copy, error))
     }
 
     /// The lock under which tables change: a table itself may be replaced.
-    fn lock(&self) -> Result<File, DataError> {
+    fn lock(&self) -> Result<Lock, DataError> {
         let path = self.path.join("locks").join(".tables");
-        let file = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
-        let locked = file.and_then(|file| file.lock().map(|()| file));
-        locked.map_err(|error| file_error(&path, error))
+        files::lock(&path, true).map_err(|error| file_error(&path, error))
     }
 
     /// Takes a code for this program alone.
-    fn reserve(&self, code: &str) -> Result<File, DataError> {
+    fn reserve(&self, code: &str) -> Result<Lock, DataError> {
         check_code(code)?;
         let locks = self.path.join("locks");
-        fs::create_dir_all(&locks).map_err(|error| file_error(&locks, error))?;
+        files::create_folder(&locks).map_err(|error| file_error(&locks, error))?;
         let path = locks.join(code);
-        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(&path);
-        let lock = lock.map_err(|error| file_error(&path, error))?;
-        lock.try_lock().map_err(|_| DataError::Busy { code: code.to_owned() })?;
-        Ok(lock)
+        files::lock(&path, false).map_err(|error| match error.kind() {
+            io::ErrorKind::WouldBlock => DataError::Busy { code: code.to_owned() },
+            _ => file_error(&path, error),
+        })
     }
 
     /// The numbers of all trials.
@@ -547,7 +533,9 @@ impl Folder {
         let mut rows = self.rows()?;
         rows.retain(|row| row.participant == code);
         self.remove_orphans(code, &rows)?;
-        let session = format!("{}-{}", now_utc(), std::process::id());
+        // A page has no number of a process.
+        let process = if cfg!(target_family = "wasm") { 0 } else { std::process::id() };
+        let session = format!("{}-{process}", now_utc());
         Ok(Claim { folder: self.clone(), participant, session, rows, _lock: lock })
     }
 
@@ -593,9 +581,9 @@ impl Folder {
         replace(&self.table("measures.csv"), &measures)?;
         replace(&self.table("notes.csv"), &notes)?;
         let signals = self.path.join("signals").join(code);
-        let runs = fs::read_dir(&signals).map_or(0, Iterator::count);
+        let runs = files::folders(&signals).len();
         // What was computed with the participant, or left of an interrupted line, is theirs too.
-        unless_missing(fs::remove_dir_all(&signals), &signals)?;
+        files::remove_folder(&signals).map_err(|error| file_error(&signals, error))?;
         let left =
             ["trials.interrupted", "measures.interrupted", "notes.interrupted"].map(|name| self.table(name));
         let computed = files::list(&self.path.join("analysis"));
@@ -604,11 +592,10 @@ impl Folder {
             .filter(|file| file.extension().is_some_and(|of| of == "csv" || of == "html"));
         let takes = files::list(&self.path.join("recordings")).into_iter();
         let takes = takes.filter(|take| take.to_string_lossy().rsplit('.').nth(2) == Some(code));
-        for file in computed.chain(left).chain(takes) {
-            unless_missing(fs::remove_file(&file), &file)?;
-        }
         let lock = self.path.join("locks").join(code);
-        unless_missing(fs::remove_file(&lock), &lock)?;
+        for file in computed.chain(left).chain(takes).chain([lock]) {
+            files::remove(&file).map_err(|error| file_error(&file, error))?;
+        }
         Ok(format!(
             "removed {trials} trials, {numbers} measures and {runs} recordings of participant {code}, and the analysis"
         ))

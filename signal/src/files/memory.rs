@@ -1,6 +1,6 @@
-//! In-memory files for WebAssembly, which has no file system. The host provides them.
+//! In-memory files for WebAssembly, which has no file system. The host provides them, and keeps what changes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -15,6 +15,89 @@ fn all() -> MutexGuard<'static, BTreeMap<PathBuf, Arc<[u8]>>> {
 /// Adds a file, or replaces the one of that name.
 pub fn put(path: &Path, bytes: &[u8]) {
     all().insert(plain(path), bytes.into());
+}
+
+/// Paths of files that were written or removed since the host asked.
+static CHANGED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn changed() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    CHANGED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A file that was written since the last call, or removed (`None`).
+pub fn next_change() -> Option<(PathBuf, Option<Arc<[u8]>>)> {
+    let path = changed().pop_first()?;
+    let bytes = all().get(&path).cloned();
+    Some((path, bytes))
+}
+
+/// Writes a file.
+///
+/// # Errors
+/// None.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    put(path, bytes);
+    changed().insert(plain(path));
+    Ok(())
+}
+
+/// Cuts a file to its first `length` bytes and adds `bytes`. A missing file is made.
+///
+/// # Errors
+/// None.
+pub fn append_at(path: &Path, length: u64, bytes: &[u8]) -> io::Result<()> {
+    let mut whole = all().get(&plain(path)).map_or_else(Vec::new, |known| known.to_vec());
+    whole.resize(length as usize, 0);
+    whole.extend_from_slice(bytes);
+    write_atomically(path, &whole)
+}
+
+/// Removes a file; a missing one is no error.
+///
+/// # Errors
+/// None.
+pub fn remove(path: &Path) -> io::Result<()> {
+    remove_folder(path)
+}
+
+/// Removes a folder with all that is in it; a missing one is no error.
+///
+/// # Errors
+/// None.
+pub fn remove_folder(path: &Path) -> io::Result<()> {
+    let inside = plain(path);
+    let (mut all, mut changed) = (all(), changed());
+    changed.extend(all.keys().filter(|known| known.starts_with(&inside)).cloned());
+    all.retain(|known, _| !known.starts_with(&inside));
+    Ok(())
+}
+
+/// Does nothing: a folder is there with its first file.
+///
+/// # Errors
+/// None.
+pub fn create_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// Checks that there is no such folder.
+///
+/// # Errors
+/// [`io::ErrorKind::AlreadyExists`].
+pub fn create_new_folder(path: &Path) -> io::Result<()> {
+    if is_folder(path) { Err(io::ErrorKind::AlreadyExists.into()) } else { Ok(()) }
+}
+
+/// A lock against nobody: the host opens these files once.
+#[derive(Debug)]
+pub struct Lock;
+
+/// Locks nothing.
+///
+/// # Errors
+/// None.
+pub fn lock(_: &Path, _: bool) -> io::Result<Lock> {
+    Ok(Lock)
 }
 
 /// A path without `.` and `..`, from the root.
@@ -96,4 +179,12 @@ pub(super) fn list(folder: &Path) -> Vec<PathBuf> {
     let all = all();
     let names = all.keys().filter(|known| known.parent() == Some(&inside));
     names.filter_map(|known| Some(folder.join(known.file_name()?))).collect()
+}
+
+pub(super) fn folders(folder: &Path) -> Vec<PathBuf> {
+    let inside = plain(folder);
+    let all = all();
+    let below = all.keys().filter_map(|known| known.strip_prefix(&inside).ok());
+    let names: BTreeSet<_> = below.filter_map(|rest| rest.parent()?.components().next()).collect();
+    names.into_iter().map(|name| folder.join(name)).collect()
 }

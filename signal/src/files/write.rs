@@ -1,7 +1,7 @@
 //! Atomic writing of files.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -22,6 +22,72 @@ pub fn is_temporary(path: &Path) -> bool {
 /// Those of the file system; the file is then unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_atomically_by(path, |file| file.write_all(bytes))
+}
+
+/// Cuts a file to its first `length` bytes and adds `bytes`: on disk when this returns. A missing file is made.
+///
+/// # Errors
+/// Those of the file system.
+pub fn append_at(path: &Path, length: u64, bytes: &[u8]) -> io::Result<()> {
+    let mut file = OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
+    file.set_len(length)?;
+    file.seek(SeekFrom::End(0))?;
+    file.write_all(bytes)?;
+    file.sync_data()
+}
+
+/// Removes a file; a missing one is no error.
+///
+/// # Errors
+/// Those of the file system.
+pub fn remove(path: &Path) -> io::Result<()> {
+    unless_missing(std::fs::remove_file(path))
+}
+
+/// Removes a folder with all that is in it; a missing one is no error.
+///
+/// # Errors
+/// Those of the file system.
+pub fn remove_folder(path: &Path) -> io::Result<()> {
+    unless_missing(std::fs::remove_dir_all(path))
+}
+
+fn unless_missing(removed: io::Result<()>) -> io::Result<()> {
+    removed.or_else(|error| if error.kind() == io::ErrorKind::NotFound { Ok(()) } else { Err(error) })
+}
+
+/// Makes a folder and those in which it lies, if they are missing.
+///
+/// # Errors
+/// Those of the file system.
+pub fn create_folder(path: &Path) -> io::Result<()> {
+    std::fs::create_dir_all(path)
+}
+
+/// Makes a folder.
+///
+/// # Errors
+/// Those of the file system; [`io::ErrorKind::AlreadyExists`] if it is there.
+pub fn create_new_folder(path: &Path) -> io::Result<()> {
+    std::fs::create_dir(path)
+}
+
+/// A lock against other processes, for as long as it lives.
+#[derive(Debug)]
+pub struct Lock(#[expect(dead_code, reason = "the lock is that of the open file")] File);
+
+/// Locks by a file, which is made; waits for others, or fails if it is theirs.
+///
+/// # Errors
+/// Those of the file system; [`io::ErrorKind::WouldBlock`] if another process has it.
+pub fn lock(path: &Path, waits: bool) -> io::Result<Lock> {
+    let file = OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
+    if waits {
+        file.lock()?
+    } else {
+        file.try_lock()?
+    }
+    Ok(Lock(file))
 }
 
 /// Writes a file atomically, with the content that `fill` writes.

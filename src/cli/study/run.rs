@@ -5,7 +5,7 @@ use super::super::studio;
 use super::super::{Failure, print};
 use super::{StudyFile, failure};
 use crate::engine::registry::Registry;
-use haptograph_studio::{Options, Studio};
+use haptograph_studio::{Options, Studio, export_study};
 use haptograph_study::conduct::Conductor;
 use haptograph_study::data::Folder;
 use std::path::{Path, PathBuf};
@@ -20,9 +20,17 @@ pub(super) struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     pages: studio::Pages,
+    /// Write both pages with their engine as a static site, for any web server; simulated devices, the data stay in the browser until they
+    /// are downloaded
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["surfaces", "output", "port", "no_open", "lan", "live", "endpoints"])]
+    export: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    if let Some(folder) = &arguments.export {
+        let exported = export_study(&arguments.study.study, folder, registry).map_err(studio::failure)?;
+        return studio::say_exported(exported, folder);
+    }
     let mut checked = arguments.study.load()?;
     if let Some(endpoints) = arguments.pages.endpoints() {
         checked.study.endpoints = endpoints;

@@ -4,11 +4,14 @@ use super::assets::{ENGINE, PAGE};
 use super::server::StudioError;
 use crate::describe;
 use crate::error::StageError;
-use crate::load::Source;
+use crate::load::{SIMULATED, Source};
 use crate::page;
 use crate::stage::Stage;
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files;
+use haptograph_study::check::{Checked, StudyError};
+use haptograph_study::conduct::Conductor;
+use haptograph_study::document::Phase;
 use haptograph_surfaces::files::load;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -47,6 +50,13 @@ fn other(why: impl std::fmt::Display) -> StudioError {
     StudioError::Other(why.to_string())
 }
 
+fn other_study(error: StudyError) -> StudioError {
+    match error {
+        StudyError::Study(wrong) => StudioError::Graph(wrong),
+        error => other(error),
+    }
+}
+
 /// A graph of the site, and the files that it needs.
 struct SiteGraph {
     name: String,
@@ -57,25 +67,48 @@ struct SiteGraph {
     files: BTreeSet<PathBuf>,
 }
 
+/// What a site runs.
+enum Content {
+    Graphs(Vec<SiteGraph>),
+    Study(SiteGraph),
+}
+
+impl Content {
+    fn all(&self) -> &[SiteGraph] {
+        match self {
+            Self::Graphs(graphs) => graphs,
+            Self::Study(study) => std::slice::from_ref(study),
+        }
+    }
+}
+
 /// Writes a site for any server of static files.
 ///
 /// # Errors
 /// [`StudioError`] if a graph has errors, if the folder holds other files, or if this program was built
 /// without the engine.
 pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioError> {
-    if ENGINE.is_empty() {
-        return Err(other(
-            "this build of haptograph lacks the engine for pages: run `studio/build-site` in the sources and build again",
-        ));
-    }
-    write_site(options, registry, ENGINE)
+    export_with(options, registry, engine()?)
 }
 
-fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
-    // If the folder is a link, its target is replaced.
-    let target = options.folder.canonicalize().or_else(|_| std::path::absolute(&options.folder));
-    let target = target.map_err(other)?;
-    is_free(&target)?;
+/// Writes a site with the two pages of a study.
+///
+/// # Errors
+/// As [`export`], and [`StudioError`] if the study needs more than pages have.
+pub fn export_study(study: &Path, folder: &Path, registry: &Registry) -> Result<Exported, StudioError> {
+    write_site(&Content::Study(take_study(study, registry)?), folder, engine()?)
+}
+
+fn engine() -> Result<&'static [u8], StudioError> {
+    match ENGINE {
+        [] => Err(other(
+            "this build of haptograph lacks the engine for pages: run `studio/build-site` in the sources and build again",
+        )),
+        engine => Ok(engine),
+    }
+}
+
+fn export_with(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
     let graphs = options.graphs.iter().map(|path| take(path, &options.set, registry));
     let graphs = graphs.collect::<Result<Vec<_>, _>>()?;
     let mut names = BTreeSet::new();
@@ -85,7 +118,21 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
             twice.name
         )));
     }
-    let all: BTreeSet<&PathBuf> = graphs.iter().flat_map(|graph| &graph.files).collect();
+    write_site(&Content::Graphs(graphs), &options.folder, module)
+}
+
+fn write_site(content: &Content, folder: &Path, module: &[u8]) -> Result<Exported, StudioError> {
+    // If the folder is a link, its target is replaced.
+    let target = folder.canonicalize().or_else(|_| std::path::absolute(folder));
+    let target = target.map_err(other)?;
+    is_free(&target)?;
+    let all: BTreeSet<&PathBuf> = content.all().iter().flat_map(|graph| &graph.files).collect();
+    if let Some(path) = all.iter().find(|path| has_unlicensed_clips(path)) {
+        return Err(other(format!(
+            "{} contains clips of a recording without a licence, which a site would give to everybody: learn it again with --licence or --no-clips, or move it out of the folder of the graph",
+            path.display()
+        )));
+    }
     let root = root_of(&all);
     let failed = |error: std::io::Error| other(format!("cannot export to {}: {error}", target.display()));
     let beside = target.parent().unwrap_or(Path::new("/"));
@@ -99,9 +146,14 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
             .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
         site.write(&Path::new("files").join(in_site(path, &root)), &bytes)?;
     }
-    write_page(&mut site)?;
+    match content {
+        Content::Graphs(_) => {
+            write_pages(&mut site, &[("index.html", "index.html", SITE_TAG)], is_of_graphs)?
+        }
+        Content::Study(_) => write_pages(&mut site, &PAGES_OF_STUDY, |_| true)?,
+    }
     site.write(Path::new(MODULE), module)?;
-    let mut listed = listing(&graphs, &all, &root);
+    let mut listed = listing(content, &all, &root);
     listed["sha256"] = json!(site.sha256);
     site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
     let exported = site.exported;
@@ -201,12 +253,6 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
     let surfaces = describe::surface_files(stage.source.folder());
     let files = sources.chain(named).chain(surfaces);
     let files: BTreeSet<PathBuf> = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;
-    if let Some(path) = files.iter().find(|path| has_unlicensed_clips(path)) {
-        return Err(other(format!(
-            "{} contains clips of a recording without a licence, which a site would give to everybody: learn it again with --licence or --no-clips, or move it out of the folder of the graph",
-            path.display()
-        )));
-    }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(SiteGraph {
         name,
@@ -216,6 +262,49 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Si
         set: set.to_vec(),
         files,
     })
+}
+
+/// Checks a study as its pages do, and collects the files that it needs.
+fn take_study(path: &Path, registry: &Registry) -> Result<SiteGraph, StudioError> {
+    let ((stage, checked), files) = {
+        let (opened, files) = files::noting_files(|| {
+            let checked = Checked::load(path, None).map_err(other_study)?;
+            if let Some(why) = cannot_be_a_site(&checked) {
+                return Err(other(why));
+            }
+            checked.check_graph(registry).map_err(other_study)?;
+            let (_, set) = Conductor::first(&checked, registry).map_err(other_study)?;
+            let source = Source::new(checked.study.graph.clone(), registry, set);
+            Ok((Stage::open(source, page::HOST)?, checked))
+        });
+        (opened?, files)
+    };
+    let (path, signals) = (path.canonicalize().map_err(other)?, &stage.signals);
+    Ok(SiteGraph {
+        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        about: checked.study.about,
+        rate_hz: signals.sound.as_ref().map_or(signals.rate_hz, |sound| sound.rate_hz),
+        path,
+        set: Vec::new(),
+        files: files.into_iter().collect(),
+    })
+}
+
+/// Why a study cannot run in pages alone.
+fn cannot_be_a_site(checked: &Checked) -> Option<String> {
+    let study = &checked.study;
+    let records = |(_, phase): &&(_, Phase)| matches!(phase, Phase::Record(_));
+    if study.endpoints != SIMULATED {
+        let endpoints = &study.endpoints;
+        return Some(format!(
+            "the study uses the endpoints `{endpoints}`, and a site has no devices: export a copy without `endpoints`"
+        ));
+    }
+    let (name, _) = study.phases.0.iter().find(records)?;
+    Some(format!(
+        "phase `{}` records with a device, and a site has none: export a copy without it",
+        name.text
+    ))
 }
 
 /// True if a file is a surface that must not be given to others.
@@ -255,17 +344,18 @@ fn in_site(path: &Path, root: &Path) -> String {
     parts.collect::<Vec<_>>().join("/")
 }
 
-fn listing(graphs: &[SiteGraph], all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
-    let graphs = graphs.iter().map(|graph| {
+fn listing(content: &Content, all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
+    let graphs = content.all().iter().map(|graph| {
         let set = graph.set.iter().map(|(name, value)| (name, set_in_site(value, all, root)));
         json!({
             "name": graph.name, "about": graph.about, "path": in_site(&graph.path, root),
             "set": set.collect::<Vec<_>>(), "rate_hz": graph.rate_hz,
         })
     });
+    let mut graphs = graphs.collect::<Vec<_>>();
+    let study = matches!(content, Content::Study(_)).then(|| graphs.remove(0));
     json!({
-        "haptograph": env!("CARGO_PKG_VERSION"), "engine": MODULE,
-        "graphs": graphs.collect::<Vec<_>>(),
+        "haptograph": env!("CARGO_PKG_VERSION"), "engine": MODULE, "graphs": graphs, "study": study,
         "files": all.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
     })
 }
@@ -278,32 +368,46 @@ fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
     known.map_or_else(|| value.to_owned(), |path| format!("{:?}", in_site(&path, root)))
 }
 
-/// Writes the page's own files; its head names the site's files and the policy.
-fn write_page(site: &mut Site) -> Result<(), StudioError> {
-    let head = format!(
-        "{HEAD}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"haptograph-site\" content=\"{SITE}\">"
-    );
-    let files = PAGE.files().chain(PAGE.dirs().flat_map(|folder| folder.files()));
-    for file in files.filter(|file| is_served(file.path())) {
-        match file.path() == Path::new("index.html") {
-            true => {
-                let page = String::from_utf8_lossy(file.contents()).replacen(HEAD, &head, 1);
-                site.write(file.path(), page.as_bytes())?;
-            }
-            false => site.write(file.path(), file.contents())?,
-        }
+/// A page of a site: its file, the file that it is made of, and the tag that tells where its engine is.
+type SitePage = (&'static str, &'static str, &'static str);
+const SITE_TAG: &str = "<meta name=\"haptograph-site\" content=\"site.json\">";
+const PAGES_OF_STUDY: [SitePage; 2] = [
+    ("index.html", "experimenter.html", SITE_TAG),
+    ("participant.html", "participant.html", "<meta name=\"haptograph-opener\">"),
+];
+
+/// Writes pages, whose heads tell the policy and where the engine is, and the files that these load.
+fn write_pages(
+    site: &mut Site,
+    pages: &[SitePage],
+    is_loaded: impl Fn(&Path) -> bool,
+) -> Result<(), StudioError> {
+    let all = || PAGE.files().chain(PAGE.dirs().flat_map(|folder| folder.files()));
+    for (name, source, tag) in pages {
+        let head =
+            format!("{HEAD}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n{tag}");
+        let page =
+            all().find(|file| file.path() == Path::new(source)).map_or(&[][..], |file| file.contents());
+        site.write(Path::new(name), String::from_utf8_lossy(page).replacen(HEAD, &head, 1).as_bytes())?;
+    }
+    for file in all().filter(|file| is_served(file.path()) && is_loaded(file.path())) {
+        site.write(file.path(), file.contents())?;
     }
     Ok(())
 }
 
-/// Files of the pages of studies, which a site does not have, without their endings.
+/// Files of the pages of studies alone, without their endings.
 const OF_STUDIES: [&str; 5] = ["experimenter", "masking", "participant", "study", "study-pad"];
 
-/// True for files that pages load and for licences; false for sources of the bundles.
+fn is_of_graphs(path: &Path) -> bool {
+    path.file_stem().is_none_or(|stem| OF_STUDIES.iter().all(|known| stem != *known))
+}
+
+/// True for files that pages load and for licences; false for sources of the bundles and for the pages themselves.
 fn is_served(path: &Path) -> bool {
     let is_bundled = path.ends_with("vendor/codemirror.js") || path.ends_with("vendor/codemirror.LICENSE");
-    let is_of_studies = path.file_stem().is_some_and(|stem| OF_STUDIES.iter().any(|known| stem == *known));
-    (!path.starts_with("vendor") || is_bundled) && !is_of_studies
+    let is_page = path.extension().is_some_and(|extension| extension == "html");
+    (!path.starts_with("vendor") || is_bundled) && !is_page
 }
 
 struct Site<'a> {
@@ -346,7 +450,7 @@ mod tests {
             set: vec![("surface".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned())],
             folder: folder.to_owned(),
         };
-        write_site(&options, &haptograph_nodes::registry(), b"a module")
+        export_with(&options, &haptograph_nodes::registry(), b"a module")
     }
 
     #[test]
@@ -414,7 +518,7 @@ mod tests {
         let path = folder.path().join("surfaces/t2-canvas.ron");
         let exports = |surface: &Surface| {
             save(surface, &path).expect("saved");
-            write_site(&options, &haptograph_nodes::registry(), b"a module").is_ok()
+            export_with(&options, &haptograph_nodes::registry(), b"a module").is_ok()
         };
         assert!(!exports(&surface) && !site.exists());
         surface.provenance = surface.provenance.with_setting(LICENCE, "CC-BY-4.0");

@@ -10,7 +10,7 @@ mod save;
 mod server;
 mod visits;
 
-pub use export::{Export, Exported, export};
+pub use export::{Export, Exported, export, export_study};
 pub use learn::Learner;
 pub use listen::lan_address;
 pub use server::{Options, Studio, StudioError};

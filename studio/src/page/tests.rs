@@ -5,11 +5,11 @@ use std::path::Path;
 
 fn opened() -> Opened {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
-    Opened { graph: folder.join("texturepad.ron"), set: Vec::new() }
+    Opened { graph: folder.join("texturepad.ron"), set: Vec::new(), study: None }
 }
 
 fn said(engine: &mut Engine, kind: &str) -> serde_json::Value {
-    let texts = std::iter::from_fn(|| engine.next_message()).filter_map(|message| match message {
+    let texts = std::iter::from_fn(|| engine.next_message(0)).filter_map(|message| match message {
         Message::Text(text) => serde_json::from_str::<serde_json::Value>(&text).ok(),
         Message::Binary(_) => None,
     });
@@ -32,10 +32,10 @@ fn an_engine_that_its_caller_runs_tells_its_page_as_a_server_does() {
     let status = said(&mut engine, "status");
     assert_eq!((&status["state"], &status["owner"]), (&"running".into(), &true.into()));
     assert!(status["cost"].as_f64().is_some_and(|cost| (cost - 0.1).abs() < 1e-6), "{status}");
-    engine.hear(&Message::Text(r#"{"type":"stop"}"#.to_owned()));
+    engine.hear(0, &Message::Text(r#"{"type":"stop"}"#.to_owned()));
     run(&mut engine, 0.2);
     assert_eq!(said(&mut engine, "status")["state"], "stopped");
-    engine.hear(&Message::Text(r#"{"type":"resume"}"#.to_owned()));
+    engine.hear(0, &Message::Text(r#"{"type":"resume"}"#.to_owned()));
     run(&mut engine, 0.2);
     assert_eq!(said(&mut engine, "status")["state"], "running");
 }
@@ -75,14 +75,14 @@ fn edits_are_checked_against_what_the_engine_runs() {
 
 fn engine_of(graph: &str) -> Engine {
     let graph = opened().graph.with_file_name(graph);
-    let opened = Opened { graph, set: Vec::new() };
+    let opened = Opened { graph, set: Vec::new(), study: None };
     let engine = Engine::open(opened, &haptograph_nodes::registry());
     engine.expect("it is sound")
 }
 
 /// Circles of `radius_mm` at 100 mm/s, pressed with 1 N by a pen; returns the latest levels.
 fn stroke(engine: &mut Engine, radius_mm: f64, seconds: f64) -> serde_json::Value {
-    engine.hear(&Message::Text(r#"{"type":"levels","on":true}"#.to_owned()));
+    engine.hear(0, &Message::Text(r#"{"type":"levels","on":true}"#.to_owned()));
     for turn in 0..(seconds * 100.0) as usize {
         let time_s = turn as f64 / 100.0;
         let angle = time_s * 100.0 / radius_mm;
@@ -91,7 +91,7 @@ fn stroke(engine: &mut Engine, radius_mm: f64, seconds: f64) -> serde_json::Valu
         for value in [radius_mm * angle.cos(), radius_mm * angle.sin(), 1.0, 0.0, 0.0] {
             bytes.extend((value as f32).to_le_bytes());
         }
-        engine.hear(&Message::Binary(bytes));
+        engine.hear(0, &Message::Binary(bytes));
         engine.process((engine.driver_hz() / 100.0) as usize);
         engine.publish(Duration::from_millis(10), Duration::from_millis(1));
     }
@@ -153,7 +153,7 @@ fn levels_are_sent_while_the_drawing_is_seen_with_each_nodes_part_of_the_cost() 
         (&().into(), Some(0))
     );
     assert!(levels["limits"]["out"]["ticks"].as_u64() > Some(40_000), "{levels}");
-    engine.hear(&Message::Text(r#"{"type":"levels","on":false}"#.to_owned()));
+    engine.hear(0, &Message::Text(r#"{"type":"levels","on":false}"#.to_owned()));
     run(&mut engine, 0.3);
     assert!(said(&mut engine, "levels").is_null());
 }
@@ -169,7 +169,7 @@ fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
         });
         Message::Text(serde_json::json!({ "type": "apply", "request": 1, "text": text }).to_string())
     };
-    engine.hear(&apply(&[("peak_a: 0.5, continuous_a: 0.25", "peak_a: 0.002, continuous_a: 0.001")]));
+    engine.hear(0, &apply(&[("peak_a: 0.5, continuous_a: 0.25", "peak_a: 0.002, continuous_a: 0.001")]));
     assert_eq!(said(&mut engine, "reply")["ok"], true);
     let levels = stroke(&mut engine, 30.0, 1.0);
     let held = levels["limits"]["out"]["peak"].as_u64();
@@ -179,7 +179,7 @@ fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
         "big": Multiply(input: "texture", by: "large"),
         "huge": Multiply(input: "big", by: "large"),"#;
     let reads = (r#"acceleration: "texture""#, r#"acceleration: "huge""#);
-    engine.hear(&apply(&[("nodes: {", infinite), reads]));
+    engine.hear(0, &apply(&[("nodes: {", infinite), reads]));
     assert_eq!(said(&mut engine, "reply")["ok"], true);
     let levels = stroke(&mut engine, 30.0, 1.0);
     assert_eq!(levels["origin"], "huge", "{levels}");
@@ -190,14 +190,15 @@ fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
 #[test]
 fn a_late_look_still_sends_the_last_samples_of_a_run() {
     let mut engine = engine_of("texturepad.ron");
-    let hear = |engine: &mut Engine, said: serde_json::Value| engine.hear(&Message::Text(said.to_string()));
+    let hear =
+        |engine: &mut Engine, said: serde_json::Value| engine.hear(0, &Message::Text(said.to_string()));
     hear(
         &mut engine,
         serde_json::json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }),
     );
     hear(&mut engine, serde_json::json!({ "type": "record", "on": true }));
     run(&mut engine, 0.2);
-    while engine.next_message().is_some() {}
+    while engine.next_message(0).is_some() {}
     stroke(&mut engine, 30.0, 0.5);
     hear(&mut engine, serde_json::json!({ "type": "record", "on": false }));
     run(&mut engine, 0.2);
@@ -210,7 +211,7 @@ fn a_late_look_still_sends_the_last_samples_of_a_run() {
         while graphs < 2 {
             engine.process(frames_between_looks);
             engine.publish(Duration::from_millis(10), Duration::from_millis(1));
-            while let Some(message) = engine.next_message() {
+            while let Some(message) = engine.next_message(0) {
                 match message {
                     Message::Text(text) => graphs += usize::from(text.contains(r#""type":"graph""#)),
                     Message::Binary(bytes) if graphs == 1 && bytes[0] == 2 => {

@@ -103,10 +103,10 @@ impl Stage {
     /// Creates a folder with this name and a number, where runs are stored.
     pub(crate) fn new_folder(&mut self, name: &str) -> io::Result<Option<PathBuf>> {
         let Some(out) = &self.recorder.out else { return Ok(None) };
-        std::fs::create_dir_all(out)?;
+        files::create_folder(out)?;
         for number in 1..MAX_FOLDERS {
             let folder = out.join(format!("{name}-{number}"));
-            match std::fs::create_dir(&folder) {
+            match files::create_new_folder(&folder) {
                 Ok(()) => {
                     self.recorder.made.push(folder.clone());
                     return Ok(Some(folder));

@@ -122,7 +122,8 @@ impl Stage {
         let mut options = SessionOptions::default();
         options.sample_costs = true;
         options.probes = probes.iter().map(|port| port.name.clone()).collect();
-        options.folder = self.recorder.folder.clone();
+        // A page has no disk for what nodes write.
+        options.folder = self.recorder.folder.clone().filter(|_| !self.host.is_driven_by_caller);
         // Outputs of a pad's endpoint are not connected.
         let mut devices = self.loaded.graph.devices().iter();
         options.rested =

@@ -11,7 +11,6 @@ use crate::actuators::driven;
 use haptograph_engine::run::ARM_HOLD_S;
 use haptograph_study::conduct::{Conductor, Presentation, Said, Step};
 use serde_json::{Value, json};
-use std::time::Instant;
 
 impl Stage {
     /// True if the participant's page may hear what is rendered.
@@ -45,7 +44,7 @@ impl Stage {
             (ClientMessage::Hold, Some(Reach::Machine)) => {
                 self.devices.switch.hold();
                 if let Some(study) = &mut self.pages.study {
-                    study.held = Some(Instant::now());
+                    study.held_s = Some(study.now_s());
                 }
                 Ok(())
             }
@@ -100,7 +99,8 @@ impl Stage {
                 self.restart(NextRun::Record);
             }
             Step::Arm => {
-                let is_held = study.held.is_some_and(|held| held.elapsed().as_secs_f64() < ARM_HOLD_S);
+                let now_s = study.now_s();
+                let is_held = study.held_s.is_some_and(|held_s| now_s - held_s < ARM_HOLD_S);
                 if is_held && self.pages.owner.is_some() {
                     self.devices.switch.arm(1.0);
                 } else {
@@ -221,11 +221,12 @@ impl Stage {
         // Whoever comes is told all.
         study.told[usize::from(reach != Reach::Participant)] = Value::Null;
         let role = if reach == Reach::Participant { "participant" } else { "experimenter" };
-        Some(json!({ "type": "hello", "version": crate::wire::VERSION, "role": role, "host": "native" }))
+        Some(
+            json!({ "type": "hello", "version": crate::wire::VERSION, "role": role, "host": self.host.name }),
+        )
     }
 
     /// Puts a study on the stage; nothing runs before its first trial.
-    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn begin_study(&mut self, conductor: Conductor) {
         self.pages.study = Some(OnStage::new(conductor));
         self.halt();

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let graph = std::env::args_os().nth(1).ok_or("name a graph")?;
-    let opened = Opened { graph: graph.into(), set: Vec::new() };
+    let opened = Opened { graph: graph.into(), set: Vec::new(), study: None };
     let mut engine = Engine::open(opened, &haptograph_nodes::registry())?;
     let mut calls = Vec::new();
     std::io::stdin().read_to_end(&mut calls)?;
@@ -28,10 +28,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     out.write_all(&sample.to_le_bytes())?;
                 }
                 engine.publish(Duration::from_millis(10), Duration::ZERO);
-                while engine.next_message().is_some() {}
+                while engine.next_message(0).is_some() {}
             }
-            1 => engine.hear(&Message::Binary(bytes.to_vec())),
-            _ => engine.hear(&Message::Text(String::from_utf8(bytes.to_vec())?)),
+            1 => engine.hear(0, &Message::Binary(bytes.to_vec())),
+            _ => engine.hear(0, &Message::Text(String::from_utf8(bytes.to_vec())?)),
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 //!
 //! Input is written to the buffer that [`haptograph_room`] returns; output is read at [`haptograph_message`] and
 //! [`haptograph_played`] before the next call. The module reads only files that [`haptograph_file`] has added. A module
-//! opens one graph, either to run it ([`haptograph_open`]) or to check edits of it ([`haptograph_open_checker`]). A
+//! opens one graph or study, either to run it ([`haptograph_open`]) or to check edits of it ([`haptograph_open_checker`]). A
 //! panic of the engine ends the module by a trap; [`haptograph_panic`] then returns its message.
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
@@ -57,8 +57,55 @@ use haptograph_signal::files::put;
 #[cfg(not(target_family = "wasm"))]
 fn put(_: &Path, _: &[u8]) {}
 
-/// Starts the graph in the input buffer, `{ "graph": PATH, "set": [[NAME, VALUE]] }`. Returns 1, or 0 with the reason
-/// as the message.
+#[cfg(target_family = "wasm")]
+use haptograph_signal::files::next_change;
+
+/// Nothing: as [`put`].
+#[cfg(not(target_family = "wasm"))]
+fn next_change() -> Option<(std::path::PathBuf, Option<std::sync::Arc<[u8]>>)> {
+    None
+}
+
+/// Sets the clock: milliseconds since 1970, UTC. A study has no other.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_clock(since_1970_ms: f64) {
+    #[cfg(target_family = "wasm")]
+    haptograph_signal::time::set_clock(milliseconds(since_1970_ms));
+    #[cfg(not(target_family = "wasm"))]
+    let _ = since_1970_ms;
+}
+
+/// Takes the path of a file of the study that was written or removed since the last call: the message. Returns 0 if there is none, 1
+/// for one that was removed, 2 for one whose content is in the input buffer until the next call.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_changed() -> u32 {
+    with(|state| {
+        let Some((path, bytes)) = next_change() else { return 0 };
+        state.message = path.to_string_lossy().into_owned().into_bytes();
+        state.room.clear();
+        state.room.extend_from_slice(bytes.as_deref().unwrap_or_default());
+        1 + u32::from(bytes.is_some())
+    })
+}
+
+/// Returns the length of the input buffer, bytes.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_room_length() -> usize {
+    with(|state| state.room.len())
+}
+
+/// Lets the participant's page of a study in (1), which is page 1 then, or says that it is gone (0).
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_participant(is_there: u32) {
+    with(|state| {
+        if let Some(engine) = &mut state.engine {
+            if is_there == 1 { engine.let_in() } else { engine.let_out() }
+        }
+    });
+}
+
+/// Starts the graph in the input buffer, `{ "graph": PATH, "set": [[NAME, VALUE]] }`, or the study, `{ "study": PATH }`. Returns 1, or 0
+/// with the reason as the message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_open() -> u32 {
     keep_panics();
@@ -96,9 +143,9 @@ fn kept<T>(opened: Result<T, String>, place: &mut Option<T>, message: &mut Vec<u
     }
 }
 
-/// Handles the page's message in the input buffer.
+/// Handles the message of a page in the input buffer.
 #[unsafe(no_mangle)]
-pub extern "C" fn haptograph_hear(is_text: u32) {
+pub extern "C" fn haptograph_hear(page: usize, is_text: u32) {
     with(|state| {
         let bytes = std::mem::take(&mut state.room);
         let message = match is_text {
@@ -106,7 +153,7 @@ pub extern "C" fn haptograph_hear(is_text: u32) {
             _ => Message::Text(String::from_utf8_lossy(&bytes).into_owned()),
         };
         if let Some(engine) = &mut state.engine {
-            engine.hear(&message);
+            engine.hear(page, &message);
         }
     });
 }
@@ -194,19 +241,22 @@ pub extern "C" fn haptograph_played() -> *const f64 {
 /// running took.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_publish(passed_ms: f64, busy_ms: f64) {
-    let time = |ms: f64| Duration::try_from_secs_f64(ms * 1e-3).unwrap_or_default();
     with(|state| {
         if let Some(engine) = &mut state.engine {
-            engine.publish(time(passed_ms), time(busy_ms));
+            engine.publish(milliseconds(passed_ms), milliseconds(busy_ms));
         }
     });
 }
 
-/// Takes the next message to the page. Returns 0 if there is none, 1 for JSON, 2 for a binary message.
+fn milliseconds(ms: f64) -> Duration {
+    Duration::try_from_secs_f64(ms * 1e-3).unwrap_or_default()
+}
+
+/// Takes the next message to a page. Returns 0 if there is none, 1 for JSON, 2 for a binary message.
 #[unsafe(no_mangle)]
-pub extern "C" fn haptograph_next() -> u32 {
+pub extern "C" fn haptograph_next(page: usize) -> u32 {
     with(|state| {
-        let next = state.engine.as_mut().and_then(Engine::next_message);
+        let next = state.engine.as_mut().and_then(|engine| engine.next_message(page));
         show(&mut state.message, next)
     })
 }
