@@ -105,7 +105,7 @@ impl Engine {
         let stage = match &opened.study {
             None => Stage::open(opened.source(registry), HOST).map_err(failed)?,
             Some(study) => {
-                let (source, conductor) = study::open(study, registry).map_err(|error| error.to_string())?;
+                let (source, conductor) = study::open(study, registry)?;
                 let mut stage = Stage::open(source, HOST).map_err(failed)?;
                 stage.begin_study(conductor);
                 stage

@@ -5,7 +5,7 @@ use super::page::DATA;
 use haptograph_engine::registry::Registry;
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::conduct::{Conductor, Presentation};
-use haptograph_study::data::Folder;
+use haptograph_study::data::{DataError, Folder};
 use serde_json::Value;
 use std::path::Path;
 #[cfg(not(target_family = "wasm"))]
@@ -49,9 +49,21 @@ impl OnStage {
 }
 
 /// Opens a study in a page, whose data are its own.
-pub(crate) fn open(path: &Path, registry: &Registry) -> Result<(Source, Conductor), StudyError> {
-    let checked = Checked::load(path, None)?;
-    let folder = Folder::open(Path::new(DATA), &checked.identity(None))?;
+///
+/// # Errors
+/// As readable text.
+pub(crate) fn open(path: &Path, registry: &Registry) -> Result<(Source, Conductor), String> {
+    let checked = Checked::load(path, None).map_err(|error| error.to_string())?;
+    let folder = Folder::open(Path::new(DATA), &checked.identity(None)).map_err(|error| match error {
+        DataError::OtherStudy { .. } => {
+            "This browser has data of another version of the study. Download them, then remove them from this browser.".to_owned()
+        }
+        error => error.to_string(),
+    })?;
+    conduct(checked, folder, registry).map_err(|error| error.to_string())
+}
+
+fn conduct(checked: Checked, folder: Folder, registry: &Registry) -> Result<(Source, Conductor), StudyError> {
     let (graph, set) = Conductor::first(&checked, registry)?;
     let source = Source::new(checked.study.graph.clone(), registry, set);
     Ok((source, Conductor::open(checked, folder, &graph)?))
