@@ -15,11 +15,12 @@ pub use roots::{Roots, noting_files, refused};
 use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
-#[cfg(not(target_family = "wasm"))]
-pub use write::{
-    Lock, append_at, create_folder, create_new_folder, lock, remove, remove_folder, write_atomically,
-};
 pub use write::{TEMPORARY, copy_atomically, is_temporary, write_atomically_by};
+#[cfg(not(target_family = "wasm"))]
+pub use {
+    std::fs::{create_dir as create_new_folder, create_dir_all as create_folder},
+    write::{Lock, append_at, lock, remove, write_atomically},
+};
 
 /// Largest number of names that are read from one folder: more than twice the chunks of the largest batch.
 pub const MAX_NAMES: usize = 500_000;

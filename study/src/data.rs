@@ -583,7 +583,7 @@ impl Folder {
         let signals = self.path.join("signals").join(code);
         let runs = files::folders(&signals).len();
         // What was computed with the participant, or left of an interrupted line, is theirs too.
-        files::remove_folder(&signals).map_err(|error| file_error(&signals, error))?;
+        files::remove(&signals).map_err(|error| file_error(&signals, error))?;
         let left =
             ["trials.interrupted", "measures.interrupted", "notes.interrupted"].map(|name| self.table(name));
         let computed = files::list(&self.path.join("analysis"));

@@ -32,9 +32,6 @@ pub fn next_change() -> Option<(PathBuf, Option<Arc<[u8]>>)> {
 }
 
 /// Writes a file.
-///
-/// # Errors
-/// None.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     put(path, bytes);
     changed().insert(plain(path));
@@ -42,9 +39,6 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 /// Cuts a file to its first `length` bytes and adds `bytes`. A missing file is made.
-///
-/// # Errors
-/// None.
 pub fn append_at(path: &Path, length: u64, bytes: &[u8]) -> io::Result<()> {
     let mut whole = all().get(&plain(path)).map_or_else(Vec::new, |known| known.to_vec());
     whole.resize(length as usize, 0);
@@ -52,19 +46,8 @@ pub fn append_at(path: &Path, length: u64, bytes: &[u8]) -> io::Result<()> {
     write_atomically(path, &whole)
 }
 
-/// Removes a file; a missing one is no error.
-///
-/// # Errors
-/// None.
+/// Removes a file, or a folder with all that is in it; a missing one is no error.
 pub fn remove(path: &Path) -> io::Result<()> {
-    remove_folder(path)
-}
-
-/// Removes a folder with all that is in it; a missing one is no error.
-///
-/// # Errors
-/// None.
-pub fn remove_folder(path: &Path) -> io::Result<()> {
     let inside = plain(path);
     let (mut all, mut changed) = (all(), changed());
     changed.extend(all.keys().filter(|known| known.starts_with(&inside)).cloned());
@@ -73,31 +56,21 @@ pub fn remove_folder(path: &Path) -> io::Result<()> {
 }
 
 /// Does nothing: a folder is there with its first file.
-///
-/// # Errors
-/// None.
 pub fn create_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
 /// Checks that there is no such folder.
-///
-/// # Errors
-/// [`io::ErrorKind::AlreadyExists`].
 pub fn create_new_folder(path: &Path) -> io::Result<()> {
     if is_folder(path) { Err(io::ErrorKind::AlreadyExists.into()) } else { Ok(()) }
 }
 
 /// A lock against nobody: the host opens these files once.
-#[derive(Debug)]
-pub struct Lock;
+pub type Lock = ();
 
 /// Locks nothing.
-///
-/// # Errors
-/// None.
 pub fn lock(_: &Path, _: bool) -> io::Result<Lock> {
-    Ok(Lock)
+    Ok(())
 }
 
 /// A path without `.` and `..`, from the root.

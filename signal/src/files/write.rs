@@ -36,45 +36,17 @@ pub fn append_at(path: &Path, length: u64, bytes: &[u8]) -> io::Result<()> {
     file.sync_data()
 }
 
-/// Removes a file; a missing one is no error.
+/// Removes a file, or a folder with all that is in it; a missing one is no error.
 ///
 /// # Errors
 /// Those of the file system.
 pub fn remove(path: &Path) -> io::Result<()> {
-    unless_missing(std::fs::remove_file(path))
-}
-
-/// Removes a folder with all that is in it; a missing one is no error.
-///
-/// # Errors
-/// Those of the file system.
-pub fn remove_folder(path: &Path) -> io::Result<()> {
-    unless_missing(std::fs::remove_dir_all(path))
-}
-
-fn unless_missing(removed: io::Result<()>) -> io::Result<()> {
+    let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
     removed.or_else(|error| if error.kind() == io::ErrorKind::NotFound { Ok(()) } else { Err(error) })
 }
 
-/// Makes a folder and those in which it lies, if they are missing.
-///
-/// # Errors
-/// Those of the file system.
-pub fn create_folder(path: &Path) -> io::Result<()> {
-    std::fs::create_dir_all(path)
-}
-
-/// Makes a folder.
-///
-/// # Errors
-/// Those of the file system; [`io::ErrorKind::AlreadyExists`] if it is there.
-pub fn create_new_folder(path: &Path) -> io::Result<()> {
-    std::fs::create_dir(path)
-}
-
 /// A lock against other processes, for as long as it lives.
-#[derive(Debug)]
-pub struct Lock(#[expect(dead_code, reason = "the lock is that of the open file")] File);
+pub type Lock = File;
 
 /// Locks by a file, which is made; waits for others, or fails if it is theirs.
 ///
@@ -87,7 +59,7 @@ pub fn lock(path: &Path, waits: bool) -> io::Result<Lock> {
     } else {
         file.try_lock()?
     }
-    Ok(Lock(file))
+    Ok(file)
 }
 
 /// Writes a file atomically, with the content that `fill` writes.
