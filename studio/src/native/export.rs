@@ -67,21 +67,6 @@ struct SiteGraph {
     files: BTreeSet<PathBuf>,
 }
 
-/// What a site runs.
-enum Content {
-    Graphs(Vec<SiteGraph>),
-    Study(SiteGraph),
-}
-
-impl Content {
-    fn all(&self) -> &[SiteGraph] {
-        match self {
-            Self::Graphs(graphs) => graphs,
-            Self::Study(study) => std::slice::from_ref(study),
-        }
-    }
-}
-
 /// Writes a site for any server of static files.
 ///
 /// # Errors
@@ -96,7 +81,7 @@ pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioE
 /// # Errors
 /// As [`export`], and [`StudioError`] if the study needs more than pages have.
 pub fn export_study(study: &Path, folder: &Path, registry: &Registry) -> Result<Exported, StudioError> {
-    write_site(&Content::Study(take_study(study, registry)?), folder, engine()?)
+    write_site((&[take_study(study, registry)?], &PAGES_OF_STUDY), folder, engine()?)
 }
 
 fn engine() -> Result<&'static [u8], StudioError> {
@@ -118,15 +103,19 @@ fn export_with(options: &Export, registry: &Registry, module: &[u8]) -> Result<E
             twice.name
         )));
     }
-    write_site(&Content::Graphs(graphs), &options.folder, module)
+    write_site((&graphs, &PAGE_OF_GRAPHS), &options.folder, module)
 }
 
-fn write_site(content: &Content, folder: &Path, module: &[u8]) -> Result<Exported, StudioError> {
+fn write_site(
+    (graphs, pages): (&[SiteGraph], &[SitePage]),
+    folder: &Path,
+    module: &[u8],
+) -> Result<Exported, StudioError> {
     // If the folder is a link, its target is replaced.
     let target = folder.canonicalize().or_else(|_| std::path::absolute(folder));
     let target = target.map_err(other)?;
     is_free(&target)?;
-    let all: BTreeSet<&PathBuf> = content.all().iter().flat_map(|graph| &graph.files).collect();
+    let all: BTreeSet<&PathBuf> = graphs.iter().flat_map(|graph| &graph.files).collect();
     if let Some(path) = all.iter().find(|path| has_unlicensed_clips(path)) {
         return Err(other(format!(
             "{} contains clips of a recording without a licence, which a site would give to everybody: learn it again with --licence or --no-clips, or move it out of the folder of the graph",
@@ -146,14 +135,9 @@ fn write_site(content: &Content, folder: &Path, module: &[u8]) -> Result<Exporte
             .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
         site.write(&Path::new("files").join(in_site(path, &root)), &bytes)?;
     }
-    match content {
-        Content::Graphs(_) => {
-            write_pages(&mut site, &[("index.html", "index.html", SITE_TAG)], is_of_graphs)?
-        }
-        Content::Study(_) => write_pages(&mut site, &PAGES_OF_STUDY, |_| true)?,
-    }
+    write_pages(&mut site, pages)?;
     site.write(Path::new(MODULE), module)?;
-    let mut listed = listing(content, &all, &root);
+    let mut listed = listing(graphs, pages.len() > 1, &all, &root);
     listed["sha256"] = json!(site.sha256);
     site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
     let exported = site.exported;
@@ -344,8 +328,8 @@ fn in_site(path: &Path, root: &Path) -> String {
     parts.collect::<Vec<_>>().join("/")
 }
 
-fn listing(content: &Content, all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
-    let graphs = content.all().iter().map(|graph| {
+fn listing(graphs: &[SiteGraph], is_study: bool, all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
+    let graphs = graphs.iter().map(|graph| {
         let set = graph.set.iter().map(|(name, value)| (name, set_in_site(value, all, root)));
         json!({
             "name": graph.name, "about": graph.about, "path": in_site(&graph.path, root),
@@ -353,7 +337,7 @@ fn listing(content: &Content, all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
         })
     });
     let mut graphs = graphs.collect::<Vec<_>>();
-    let study = matches!(content, Content::Study(_)).then(|| graphs.remove(0));
+    let study = is_study.then(|| graphs.remove(0));
     json!({
         "haptograph": env!("CARGO_PKG_VERSION"), "engine": MODULE, "graphs": graphs, "study": study,
         "files": all.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
@@ -371,17 +355,14 @@ fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
 /// A page of a site: its file, the file that it is made of, and the tag that tells where its engine is.
 type SitePage = (&'static str, &'static str, &'static str);
 const SITE_TAG: &str = "<meta name=\"haptograph-site\" content=\"site.json\">";
+const PAGE_OF_GRAPHS: [SitePage; 1] = [("index.html", "index.html", SITE_TAG)];
 const PAGES_OF_STUDY: [SitePage; 2] = [
     ("index.html", "experimenter.html", SITE_TAG),
     ("participant.html", "participant.html", "<meta name=\"haptograph-opener\">"),
 ];
 
 /// Writes pages, whose heads tell the policy and where the engine is, and the files that these load.
-fn write_pages(
-    site: &mut Site,
-    pages: &[SitePage],
-    is_loaded: impl Fn(&Path) -> bool,
-) -> Result<(), StudioError> {
+fn write_pages(site: &mut Site, pages: &[SitePage]) -> Result<(), StudioError> {
     let all = || PAGE.files().chain(PAGE.dirs().flat_map(|folder| folder.files()));
     for (name, source, tag) in pages {
         let head =
@@ -390,17 +371,10 @@ fn write_pages(
             all().find(|file| file.path() == Path::new(source)).map_or(&[][..], |file| file.contents());
         site.write(Path::new(name), String::from_utf8_lossy(page).replacen(HEAD, &head, 1).as_bytes())?;
     }
-    for file in all().filter(|file| is_served(file.path()) && is_loaded(file.path())) {
+    for file in all().filter(|file| is_served(file.path())) {
         site.write(file.path(), file.contents())?;
     }
     Ok(())
-}
-
-/// Files of the pages of studies alone, without their endings.
-const OF_STUDIES: [&str; 5] = ["experimenter", "masking", "participant", "study", "study-pad"];
-
-fn is_of_graphs(path: &Path) -> bool {
-    path.file_stem().is_none_or(|stem| OF_STUDIES.iter().all(|known| stem != *known))
 }
 
 /// True for files that pages load and for licences; false for sources of the bundles and for the pages themselves.
@@ -489,6 +463,39 @@ mod tests {
         std::fs::remove_file(folder.path().join(SITE)).expect("it was there");
         assert!(matches!(export(&["texturepad.ron"], folder.path()), Err(StudioError::Other(_))));
         assert!(folder.path().join("index.html").is_file(), "what was refused is as it was");
+    }
+
+    #[test]
+    fn a_site_of_a_study_has_its_pages_and_what_they_read_and_no_devices() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let export = |study: &Path| {
+            let study = take_study(study, &haptograph_nodes::registry())?;
+            write_site((&[study], &PAGES_OF_STUDY), &folder.path().join("site"), b"a module")
+        };
+        export(&shipped("studies/first.ron")).expect("it is written");
+        let text = std::fs::read_to_string(folder.path().join("site").join(SITE)).expect("it is listed");
+        let site: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!((&site["study"]["path"], &site["graphs"]), (&json!("studies/first.ron"), &json!([])));
+        let surfaces = ["t2-canvas", "t3-tile", "t5-vinyl"].map(|name| format!("surfaces/{name}.ron"));
+        let read = ["studies/first.ron".to_owned()].into_iter().chain(surfaces);
+        assert_eq!(site["files"], read.chain(["texturepad.ron".to_owned()]).collect::<Value>());
+        let page = |name| std::fs::read_to_string(folder.path().join("site").join(name)).expect("a page");
+        assert!(page("index.html").contains("experimenter.js") && page("index.html").contains(SITE));
+        assert!(
+            page("participant.html").contains("haptograph-opener")
+                && !page("participant.html").contains(SITE)
+        );
+        let study = std::fs::read_to_string(shipped("studies/first.ron")).expect("it ships");
+        let study = study.replace("\"../", &format!("\"{}/", shipped("").display()));
+        let study = study.replace("canvas.ron\"", "canvas.ron\", sample: \"a\"");
+        for (from, to) in [
+            ("about:", "endpoints: \"live\", about:"),
+            ("\"rating\": Rate(repeats: 2)", "\"a\": Record(surfaces: [\"canvas\"])"),
+        ] {
+            let path = folder.path().join("other.ron");
+            std::fs::write(&path, study.replacen(from, to, 1)).expect("written");
+            assert!(matches!(export(&path), Err(StudioError::Other(_))), "{to}");
+        }
     }
 
     #[test]
