@@ -34,6 +34,40 @@ pub fn standalone_svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, &theme::css())
 }
 
+/// Draws `graph` so that all of it can be read on a screen: nodes by their names, without ports, settings and files, with one wire from a node
+/// to another. Templates are boxes where names would become too small otherwise.
+pub fn overview_svg(graph: &Graph, title: &str) -> String {
+    let sketch = Sketch::of(graph);
+    let (names, size) = overview(sketch.overview(false), title);
+    let least = SMALLEST / 12.0;
+    if size.0 * least <= SCREEN.0 && size.1 * least <= SCREEN.1 {
+        return names;
+    }
+    overview(sketch.overview(true), title).0
+}
+
+/// Width and height of a browser's window of 1440 to 900 pixels, without what surrounds a drawing.
+const SCREEN: (f64, f64) = (1400.0, 720.0);
+/// Height of the smallest names, pixels.
+const SMALLEST: f64 = 9.0;
+/// Widths of the rows of an overview that are tried, as parts of the screen's.
+const WIDTHS: [f64; 8] = [0.4, 0.55, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0];
+
+/// The overview that fills the screen best, and its size.
+fn overview(sketch: Sketch, title: &str) -> (String, (f64, f64)) {
+    if why_too_large(&sketch).is_some() {
+        return (draw(&sketch, title, &theme::css()), (0.0, 0.0));
+    }
+    let everything: Vec<usize> = (0..sketch.boxes.len()).collect();
+    let scenes = WIDTHS.iter().map(|part| arrange(&sketch, &everything, "", part * SCREEN.0));
+    let scale = |scene: &Scene| {
+        let (width, height) = paint::size(&sketch, scene);
+        (SCREEN.0 / width).min(SCREEN.1 / height)
+    };
+    let best = scenes.max_by(|a, b| scale(a).total_cmp(&scale(b))).unwrap_or_default();
+    (paint::paint(&sketch, &best, title, &theme::css()), paint::size(&sketch, &best))
+}
+
 /// The drawing of `graph` for a page with the style sheet.
 pub(crate) fn svg(graph: &Graph, title: &str) -> String {
     draw(&Sketch::of(graph), title, "")
@@ -59,7 +93,7 @@ fn draw(sketch: &Sketch, title: &str, style: &str) -> String {
         );
     }
     let everything: Vec<usize> = (0..sketch.boxes.len()).collect();
-    let scene = arrange(sketch, &everything, "");
+    let scene = arrange(sketch, &everything, "", WIDEST);
     paint::paint(sketch, &scene, title, style)
 }
 
@@ -78,6 +112,8 @@ struct Scene {
 
 const HEADER: f64 = 36.0;
 const PORT: f64 = 16.0;
+/// Height of a box that has its name only.
+const NAME: f64 = 26.0;
 /// Maximum width of a row of boxes, so that it is legible on a page of 840 pixels.
 const WIDEST: f64 = 800.0;
 /// Heights of a line of settings, and of the divider between ports and settings.
@@ -93,7 +129,7 @@ enum Child {
 }
 
 /// Lays out the boxes `members` of the group with the path `prefix`: nested groups first, each as one block.
-fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
+fn arrange(sketch: &Sketch, members: &[usize], prefix: &str, widest: f64) -> Scene {
     let mut children: Vec<Child> = Vec::new();
     let mut child_of = vec![None; sketch.boxes.len()];
     for member in members {
@@ -112,7 +148,7 @@ fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
         let inside: Vec<usize> =
             members.iter().copied().filter(|m| sketch.boxes[*m].path.starts_with(&group)).collect();
         inside.iter().for_each(|m| child_of[*m] = Some(children.len()));
-        let scene = arrange(sketch, &inside, &group);
+        let scene = arrange(sketch, &inside, &group, widest);
         children.push(Child::Group(group, scene));
     }
     let mut blocks: Vec<Block> = children
@@ -127,7 +163,7 @@ fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
         .collect();
     let (links, wires, pins) = connect(sketch, &children, &child_of, &mut blocks);
     let depth = prefix.matches('/').count() as f64;
-    let placed = in_rows(&blocks, &links, WIDEST - depth * 4.0 * FRAME);
+    let placed = in_rows(&blocks, &links, widest - depth * 4.0 * FRAME);
     collect(sketch, children, placed, &wires, &pins, prefix)
 }
 
@@ -167,8 +203,10 @@ fn connect(
                 }
             })
         };
-        let start = end(from, port_height(wire.from.1), |scene| &scene.leaving).unwrap_or_else(|| pin(true));
-        let finish = end(to, port_height(wire.to.1), |scene| &scene.entering).unwrap_or_else(|| pin(false));
+        let start = end(from, port_height(&sketch.boxes[wire.from.0], wire.from.1), |scene| &scene.leaving)
+            .unwrap_or_else(|| pin(true));
+        let finish = end(to, port_height(&sketch.boxes[wire.to.0], wire.to.1), |scene| &scene.entering)
+            .unwrap_or_else(|| pin(false));
         // Labels stand at the ends of a wire, not where it crosses a frame.
         let at_node = |child: Option<usize>| child.is_some_and(|c| matches!(children[c], Child::Node(_)));
         let written = |word: &str, room: f64| {
@@ -251,11 +289,14 @@ impl Scene {
 }
 
 /// Height of port `i` below the top of its box.
-fn port_height(i: usize) -> f64 {
-    HEADER + PORT * (i as f64 + 0.5) + 2.0
+fn port_height(node: &NodeBox, i: usize) -> f64 {
+    if node.is_name { NAME / 2.0 } else { HEADER + PORT * (i as f64 + 0.5) + 2.0 }
 }
 
 fn box_size(node: &NodeBox) -> (f64, f64) {
+    if node.is_name {
+        return (text_width(&node.name, 12.0) * 1.04 + 28.0, NAME);
+    }
     let words = |ports: &[sketch::Port]| ports.iter().map(|p| text_width(&p.name, 10.0)).fold(0.0, f64::max);
     let ports = words(&node.inputs) + words(&node.outputs) + 44.0;
     let head = text_width(&node.name, 12.0).max(text_width(&node.kind, 10.0)) * 1.04 + 34.0;

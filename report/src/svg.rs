@@ -99,12 +99,19 @@ impl Svg {
     }
 
     pub(crate) fn path(&mut self, class: &str, path: &Path) {
-        self.path_of(class, &[], path);
+        self.path_of(class, &[], path, "");
     }
 
-    /// A path with data attributes for programs.
-    pub(crate) fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path) {
-        self.raw(format_args!("<path class=\"{class}\"{} d=\"{}\"/>", attributes(what), path.d.trim_end()));
+    /// A path with data attributes for programs and a tooltip.
+    pub(crate) fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path, tooltip: &str) {
+        let (what, d) = (attributes(what), path.d.trim_end());
+        match tooltip {
+            "" => self.raw(format_args!("<path class=\"{class}\"{what} d=\"{d}\"/>")),
+            tooltip => self.raw(format_args!(
+                "<path class=\"{class}\"{what} d=\"{d}\"><title>{}</title></path>",
+                escape(tooltip)
+            )),
+        }
     }
 
     pub(crate) fn text(&mut self, class: &str, (x, y): (f64, f64), anchor: Anchor, text: &str) {

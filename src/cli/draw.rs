@@ -17,6 +17,9 @@ pub(super) struct Arguments {
     /// The file to write: .svg, .dot (Graphviz) or .mmd (Mermaid); default: SVG to standard output
     #[arg(short, long, value_name = "FILE.svg", value_parser = drawing_file)]
     output: Option<DrawingFile>,
+    /// Draw the nodes' names alone, so that the whole graph can be read on a screen
+    #[arg(long)]
+    overview: bool,
     #[command(flatten)]
     force: Force,
     /// Print the written file as JSON; without a file, the JSON holds the drawing
@@ -24,12 +27,11 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// A path and the function that draws what its name ends in.
+/// A path, and what writes the text that its name ends in; none for SVG.
 #[derive(Debug, Clone)]
 struct DrawingFile {
     path: PathBuf,
-    draw: fn(&Graph, &str) -> String,
-    is_svg: bool,
+    text: Option<fn(&Graph, &str) -> String>,
 }
 
 /// A drawing that is not written into a file.
@@ -46,15 +48,14 @@ impl CommandResult for Drawing {
 
 fn drawing_file(text: &str) -> Result<DrawingFile, String> {
     let path = PathBuf::from(text);
-    let end = path.extension().unwrap_or_default().to_ascii_lowercase();
-    let is_svg = end == "svg";
-    let draw = match end.to_str() {
-        Some("svg") => drawing::standalone_svg,
-        Some("dot") => drawing::dot,
-        Some("mmd") => drawing::mermaid,
-        _ => return Err(no_such_drawing(&path)),
-    };
-    Ok(DrawingFile { path, draw, is_svg })
+    let text: Option<fn(&Graph, &str) -> String> =
+        match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
+            Some("svg") => None,
+            Some("dot") => Some(drawing::dot),
+            Some("mmd") => Some(drawing::mermaid),
+            _ => return Err(no_such_drawing(&path)),
+        };
+    Ok(DrawingFile { path, text })
 }
 
 fn no_such_drawing(path: &Path) -> String {
@@ -70,15 +71,18 @@ fn no_such_drawing(path: &Path) -> String {
 pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
-    let is_text = arguments.output.as_ref().is_some_and(|output| !output.is_svg);
-    if let (false, Some(why)) = (is_text, drawing::too_large(&graph)) {
+    let text = arguments.output.as_ref().and_then(|output| output.text);
+    let draw = match (text, arguments.overview) {
+        (Some(_), true) => return Err(Failure::Message("an overview is an .svg file".to_owned())),
+        (Some(text), false) => text,
+        (None, true) => drawing::overview_svg,
+        (None, false) => drawing::standalone_svg,
+    };
+    if let (None, Some(why)) = (text, drawing::too_large(&graph)) {
         return Err(Failure::Message(format!("{why}: write a .dot file, which Graphviz's `sfdp` can draw")));
     }
-    let Some(DrawingFile { path, draw, .. }) = &arguments.output else {
-        return show(
-            &Drawing { svg: drawing::standalone_svg(&graph, &arguments.graph.name()) },
-            arguments.json,
-        );
+    let Some(DrawingFile { path, .. }) = &arguments.output else {
+        return show(&Drawing { svg: draw(&graph, &arguments.graph.name()) }, arguments.json);
     };
     arguments.graph.refuse_inputs(&graph, path)?;
     let output = Output::claim(path, arguments.force)?;

@@ -1,6 +1,6 @@
 // The drawn graph: movement and zoom, selection of nodes, wires to scopes; live-drawing.js shows levels, costs and
 // faults.
-import { find, make } from "./dom.js";
+import { find, make, setText } from "./dom.js";
 import { LIVE_STYLE, mountLiveDrawing } from "./live-drawing.js";
 import { mountNode } from "./node.js";
 import { bare } from "./surfaces.js";
@@ -10,6 +10,7 @@ const LEAST_SCALE = 0.05;
 const MOST_SCALE = 4;
 const READABLE_SCALE = 0.78;
 const CLICK_PX = 5;
+const MARGIN_PX = [28, 64]; // of the drawing around its nodes
 // The drawing has a style sheet of its own; in a shadow tree it does not reach the page.
 const STYLE = `
 :host{display:block;position:absolute;inset:0}
@@ -18,6 +19,7 @@ rect.paper{fill:transparent}
 [data-node]{cursor:pointer}[data-node]:hover .box,[data-node]:focus-visible .box,[data-node].chosen .box{stroke-width:3}
 [data-node]:focus{outline:none}
 [data-port]{pointer-events:none}
+.dim{opacity:.2}
 .grab{fill:none;stroke:transparent;stroke-width:14;pointer-events:stroke;cursor:copy}
 .grab:hover{stroke:var(--accent);stroke-opacity:.28}
 ${LIVE_STYLE}`;
@@ -26,19 +28,24 @@ export function mountGraph(studio) {
     const host = find("graph");
     const canvas = make("div");
     const shadow = canvas.attachShadow({ mode: "open" });
-    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], shown: null, fitted: false };
-    host.append(canvas, buttonsOf(host, view));
+    // With ports and settings, or names alone, which can be read where the other cannot; null until a person chooses.
+    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], shown: null, fitted: false, names: null };
     const showNode = mountNode(studio, (node) => choose(view, node));
     studio.showNode = showNode;
     const show = () => {
-        const shown = `${studio.blind} ${studio.graph.drawing}`;
-        if (shown !== view.shown) build(studio, shadow, view, studio.graph.drawing, showNode);
+        if (!studio.graph) return;
+        const names = view.names ?? !isReadable(host, sizeOf(studio.graph.drawing));
+        const drawing = names ? studio.graph.overview : studio.graph.drawing;
+        const shown = `${studio.blind} ${drawing}`;
+        if (shown !== view.shown) build(studio, shadow, view, drawing, showNode);
         view.shown = shown;
+        setText(find("graph-ports"), names ? "Ports" : "Names");
         if (!view.fitted) fit(host, view);
     };
+    host.append(canvas, buttonsOf(host, view, show), searchOf(host, view));
     studio.on("graph", show);
     studio.on("compared", show);
-    new ResizeObserver(() => !view.fitted && fit(host, view)).observe(host);
+    new ResizeObserver(() => !view.fitted && show()).observe(host);
     followHand(host, view);
     mountLiveDrawing(studio, host, view);
 }
@@ -109,11 +116,15 @@ function place(view) {
     if (view.svg) view.svg.style.transform = `translate(${view.x}px, ${view.y}px) scale(${view.scale})`;
 }
 
+const wholeScale = (host, [width, height]) => Math.min((host.clientWidth - 8) / width, (host.clientHeight - 8) / height);
+const isReadable = (host, size) => wholeScale(host, size) >= READABLE_SCALE;
+const sizeOf = (drawing) => drawing.match(/viewBox="0 0 ([\d.]+) ([\d.]+)"/)?.slice(1).map(Number) ?? [1, 1];
+
 // Shows the whole graph if its text is then readable, else its upper left part.
 function fit(host, view, whole = false) {
     const [width, height] = [host.clientWidth, host.clientHeight];
     if (!width || !height) return;
-    const all = Math.min((width - 8) / view.size[0], (height - 8) / view.size[1]);
+    const all = wholeScale(host, view.size);
     const longest = Math.max((width - 8) / view.size[0], (height - 8) / view.size[1]);
     view.scale = whole ? all : Math.min(1.2, Math.max(all, Math.min(READABLE_SCALE, longest)));
     view.x = Math.max(0, (width - view.size[0] * view.scale) / 2);
@@ -130,13 +141,53 @@ function zoom(view, factor, x, y) {
     place(view);
 }
 
-function buttonsOf(host, view) {
+// Finds nodes by a part of their names or kinds: those stay bright; Enter goes to the first.
+function searchOf(host, view) {
+    const found = (text) =>
+        [...(view.svg?.querySelectorAll("[data-node]") ?? [])].filter((node) =>
+            ["node", "kind"].some((what) => node.getAttribute(`data-${what}`)?.toLowerCase().includes(text)),
+        );
+    const search = make("input", {
+        type: "search",
+        placeholder: "Find a node",
+        "aria-label": "Find a node by its name or kind",
+        oninput: ({ target }) => {
+            const text = target.value.trim().toLowerCase();
+            const bright = text ? new Set(found(text)) : null;
+            for (const node of view.svg?.querySelectorAll("[data-node]") ?? []) node.classList.toggle("dim", bright?.has(node) === false);
+        },
+        onkeydown: (event) => {
+            event.stopPropagation(); // no key of the drawing
+            const text = event.target.value.trim().toLowerCase();
+            const first = event.key === "Enter" && text ? found(text)[0]?.querySelector(".box") : null;
+            if (!first) return;
+            const { x, y, width, height } = first.getBBox();
+            view.scale = Math.max(view.scale, 1);
+            view.x = host.clientWidth / 2 - (x + MARGIN_PX[0] + width / 2) * view.scale;
+            view.y = host.clientHeight / 2 - (y + MARGIN_PX[1] + height / 2) * view.scale;
+            view.fitted = true;
+            place(view);
+        },
+    });
+    return make("div", { class: "graph-search" }, search);
+}
+
+function buttonsOf(host, view, show) {
     const middle = (factor) => () => zoom(view, factor, host.clientWidth / 2, host.clientHeight / 2);
     return make(
         "div",
         { class: "graph-buttons" },
         make("button", { text: "−", "aria-label": "Zoom out", onclick: middle(0.8) }),
         make("button", { text: "+", "aria-label": "Zoom in", onclick: middle(1.25) }),
+        make("button", {
+            id: "graph-ports",
+            title: "Nodes with their ports and settings, or names alone",
+            onclick: ({ target }) => {
+                view.names = target.textContent === "Names";
+                view.fitted = false;
+                show();
+            },
+        }),
         make("button", {
             text: "Fit",
             onclick: () => {

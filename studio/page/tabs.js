@@ -68,10 +68,13 @@ function mark(list, name) {
 
 function mountExpand() {
     const button = find("expand");
+    const sizes = ["", "widened", "whole"];
+    let size = 0;
     button.addEventListener("click", () => {
-        const widened = find("main").classList.toggle("widened");
-        button.setAttribute("aria-pressed", String(widened));
-        button.textContent = widened ? "Narrow" : "Widen";
+        size = (size + 1) % sizes.length;
+        for (const name of sizes.slice(1)) find("main").classList.toggle(name, name === sizes[size]);
+        button.setAttribute("aria-pressed", String(size > 0));
+        button.textContent = ["Widen", "Fill", "Narrow"][size];
     });
 }
 

@@ -160,6 +160,7 @@ fn shown(stage: &Stage) -> Value {
         "name": name, "about": graph.about(), "path": stage.source.path.display().to_string(),
         "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
         "drawing": drawing::standalone_svg(graph, &name),
+        "overview": drawing::overview_svg(graph, &name),
         "pads": stage.loaded.pads.iter().map(pad).collect::<Vec<_>>(),
         "others": stage.loaded.others.iter().map(no_pad).collect::<Vec<_>>(),
         "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),

@@ -360,3 +360,39 @@ siteTest("a site over plain HTTP from another machine says why no engine runs, a
     await picture(page, "plain-http");
     await page.context().close();
 });
+
+test("STOP is in view at every width", async (page) => {
+    const before = page.viewportSize();
+    for (let width = 320; width <= 1600; width += 80) {
+        await page.setViewportSize({ width, height: 800 });
+        const { left, right, top } = await page.evaluate(() => document.getElementById("stop").getBoundingClientRect().toJSON());
+        assert(left >= 0 && right <= width && top >= 0, `${left} to ${right} of ${width} px`);
+    }
+    await page.setViewportSize(before);
+});
+
+test("the whole of the graph can be read in the window, and its nodes be found", async (page) => {
+    const before = page.viewportSize();
+    await page.setViewportSize({ width: 1440, height: 900 });
+    await page.click('#tabs [data-for="graph"]');
+    for (let press = 0; press < 2; press++) await page.click("#expand");
+    await page.click(".graph-buttons button:last-child"); // Fit
+    const seen = await page.evaluate(() => {
+        const root = document.getElementById("graph").firstElementChild.shadowRoot;
+        const panel = document.getElementById("graph").getBoundingClientRect();
+        const names = [...root.querySelectorAll("[data-node] text.strong")];
+        return names.map((name) => {
+            const { left, right, top, bottom } = name.getBoundingClientRect();
+            const isIn = left >= panel.left && right <= panel.right && top >= panel.top && bottom <= panel.bottom;
+            return { isIn, px: (12 * name.getBoundingClientRect().height) / name.getBBox().height };
+        });
+    });
+    assert(seen.length > 3 && seen.every(({ isIn, px }) => isIn && px >= 9), JSON.stringify(seen));
+    await page.fill(".graph-search input", "zz nothing");
+    const dim = () => page.evaluate(() => document.getElementById("graph").firstElementChild.shadowRoot.querySelectorAll(".dim").length);
+    assert.equal(await dim(), seen.length);
+    await page.fill(".graph-search input", "");
+    assert.equal(await dim(), 0);
+    await page.click("#expand");
+    await page.setViewportSize(before);
+});

@@ -10,8 +10,7 @@ const MARGIN: f64 = 28.0;
 const TOP: f64 = 64.0;
 
 pub(super) fn paint(sketch: &Sketch, scene: &Scene, title: &str, style: &str) -> String {
-    let legend = legend_width(sketch);
-    let size = ((scene.size.0 + 2.0 * MARGIN).max(legend + 2.0 * MARGIN), scene.size.1 + TOP + MARGIN);
+    let size = size(sketch, scene);
     let mut svg = Svg::on_paper(size);
     svg.raw(format_args!("<style>{SHAPES}</style>"));
     svg.text("title ink", (MARGIN, 24.0), Anchor::Start, title);
@@ -39,9 +38,14 @@ pub(super) fn paint(sketch: &Sketch, scene: &Scene, title: &str, style: &str) ->
     svg.finish(size, title, style)
 }
 
+/// Width and height of the whole drawing.
+pub(super) fn size(sketch: &Sketch, scene: &Scene) -> (f64, f64) {
+    ((scene.size.0).max(legend_width(sketch)) + 2.0 * MARGIN, scene.size.1 + TOP + MARGIN)
+}
+
 const SHAPES: &str = ".grp{stroke-dasharray:5 4;shape-rendering:auto}.body{stroke-width:2}.edge{stroke-width:1.2}\
 .wire{fill:none;stroke-width:1.4}.thick{stroke-width:2.8}.touch{stroke-width:2;stroke-dasharray:1 5;stroke-linecap:round}\
-.region{fill:none;stroke-width:26;stroke-linecap:round;stroke-linejoin:round}";
+.wire:hover{stroke-width:4}.node:hover .box{stroke-width:3}.region{fill:none;stroke-width:26;stroke-linecap:round;stroke-linejoin:round}";
 
 /// The parts of every wire, ordered from its start to its end.
 fn whole_wires(scene: &Scene) -> BTreeMap<usize, Vec<&Route>> {
@@ -109,7 +113,7 @@ fn paint_wire(svg: &mut Svg, wire: &WireLine, routes: &[&Route]) {
         Stroke::Thick => "wire thick",
         Stroke::Touch => "wire touch",
     };
-    svg.path_of(class, &[("data-port", &wire.port)], &course(routes));
+    svg.path_of(class, &[("data-port", &wire.port)], &course(routes), &wire.about);
 }
 
 fn course(routes: &[&Route]) -> Path {
@@ -176,20 +180,28 @@ fn paint_box(svg: &mut Svg, node: &NodeBox, at: Rect) {
         Role::File => svg.path(&format!("box s{ink} edge"), &sheet(at)),
     }
     let middle = at.x + at.width / 2.0;
-    svg.text("ink strong", (middle, at.y + 16.0), Anchor::Middle, &node.name);
+    svg.text(
+        "ink strong",
+        (middle, at.y + if node.is_name { 17.0 } else { 16.0 }),
+        Anchor::Middle,
+        &node.name,
+    );
+    if node.is_name {
+        return;
+    }
     svg.text("small soft", (middle, at.y + 29.0), Anchor::Middle, &node.kind);
     if !(node.inputs.is_empty() && node.outputs.is_empty()) {
         let y = at.y + HEADER;
         svg.line("grid", (at.x + 8.0, y), (at.right() - 8.0, y));
     }
     for (i, port) in node.inputs.iter().enumerate() {
-        let y = at.y + port_height(i);
+        let y = at.y + port_height(node, i);
         let (dot, word) = if port.connected { ("soft", "small soft") } else { ("box frame", "small faint") };
         svg.circle(dot, (at.x, y), 2.6);
         svg.text(word, (at.x + 9.0, y + 3.5), Anchor::Start, &port.name);
     }
     for (i, port) in node.outputs.iter().enumerate() {
-        let y = at.y + port_height(i);
+        let y = at.y + port_height(node, i);
         svg.circle("soft", (at.right(), y), 2.6);
         svg.text("small soft", (at.right() - 9.0, y + 3.5), Anchor::End, &port.name);
     }
@@ -206,21 +218,22 @@ fn paint_box(svg: &mut Svg, node: &NodeBox, at: Rect) {
 /// A box with a point: sources point in from the left, actuators out to the right.
 fn tag(at: Rect, source: bool) -> Path {
     let depth = 9.0;
-    let middle = at.y + HEADER / 2.0;
+    let header = HEADER.min(at.height);
+    let middle = at.y + header / 2.0;
     let (left, right) = (at.x, at.right());
     let mut path = Path::default();
     if source {
         path.move_to((right, at.y));
         path.line_to((right, at.bottom()));
         path.line_to((left, at.bottom()));
-        path.line_to((left, at.y + HEADER));
+        path.line_to((left, at.y + header));
         path.line_to((left + depth, middle));
         path.line_to((left, at.y));
     } else {
         path.move_to((left, at.y));
         path.line_to((left, at.bottom()));
         path.line_to((right, at.bottom()));
-        path.line_to((right, at.y + HEADER));
+        path.line_to((right, at.y + header));
         path.line_to((right + depth, middle));
         path.line_to((right, at.y));
     }

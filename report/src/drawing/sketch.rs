@@ -30,6 +30,8 @@ pub(super) struct NodeBox {
     pub settings: Vec<String>,
     /// Text of the tooltip.
     pub doc: String,
+    /// True if it is drawn by its name only.
+    pub is_name: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +60,8 @@ pub(super) struct WireLine {
     pub unit: String,
     /// Source node and output: `texture/filter.acceleration`.
     pub port: String,
+    /// What it carries, for the tooltip: `speed to locate.speed`.
+    pub about: String,
     pub stroke: Stroke,
     pub closes_loop: bool,
 }
@@ -103,6 +107,13 @@ impl Sketch {
                 bridge: bridge_text(edge.bridge),
                 unit: if named { String::new() } else { unit_text(output.kind, output.quantity) },
                 port: format!("{}.{}", source.path, output.name),
+                about: format!(
+                    "{}.{} to {}.{}",
+                    source.path,
+                    output.name,
+                    target.path,
+                    target.inputs[edge.input].shown()
+                ),
                 stroke: if output.kind == Kind::SCALAR { Stroke::Thin } else { Stroke::Thick },
                 closes_loop: match edge.bridge {
                     Bridge::Delay { .. } => true,
@@ -124,6 +135,7 @@ impl Sketch {
                 outputs: Vec::new(),
                 settings: Vec::new(),
                 doc: first_sentence(spec.doc),
+                is_name: false,
             });
             let bound = nodes.ids().filter(|n| nodes[*n].device() == Some(number));
             for node in bound {
@@ -134,6 +146,46 @@ impl Sketch {
             }
         }
         sketch
+    }
+
+    /// The names alone: no files, and one wire from a box to another, named by all of its ports. Templates are boxes if they `collapse`.
+    pub(super) fn overview(&self, collapse: bool) -> Self {
+        let mut all = Self { clocks: self.clocks.clone(), ..Self::default() };
+        let mut place: Vec<Option<usize>> = Vec::new();
+        for node in &self.boxes {
+            let template = node.path.split_once('/').filter(|_| collapse && node.role != Role::Body);
+            let path = template.map_or(&*node.path, |(template, _)| template);
+            let known = template.and_then(|_| all.boxes.iter().position(|known| known.path == path));
+            let (is_file, new) = (node.role == Role::File, all.boxes.len());
+            place.push((!is_file).then_some(known.unwrap_or(new)));
+            if is_file || known.is_some() {
+                continue;
+            }
+            let mut small = NodeBox { is_name: true, settings: Vec::new(), ..node.clone() };
+            if template.is_some() {
+                (small.name, small.path) = (path.to_owned(), path.to_owned());
+                (small.kind, small.role, small.doc) = ("template".to_owned(), Role::Process, String::new());
+            }
+            small.inputs.truncate(1);
+            small.outputs.truncate(1);
+            all.boxes.push(small);
+        }
+        for wire in &self.wires {
+            let (Some(from), Some(to)) = (place[wire.from.0], place[wire.to.0]) else { continue };
+            let same = |known: &&mut WireLine| (known.from.0, known.to.0) == (from, to);
+            match all.wires.iter_mut().find(same) {
+                Some(known) => known.about = format!("{}, {}", known.about, wire.about),
+                None if from == to && collapse => {}
+                None => all.wires.push(WireLine {
+                    from: (from, 0),
+                    to: (to, 0),
+                    bridge: String::new(),
+                    unit: String::new(),
+                    ..wire.clone()
+                }),
+            }
+        }
+        all
     }
 
     /// Links a node to the body that it reads or drives.
@@ -152,6 +204,7 @@ impl Sketch {
             bridge: String::new(),
             unit: String::new(),
             port: String::new(),
+            about: String::new(),
             stroke: Stroke::Touch,
             closes_loop: drives && self.boxes[body].outputs.iter().any(|_| true),
         });
@@ -180,6 +233,7 @@ fn node_box(node: &Node) -> NodeBox {
         outputs: outputs.collect(),
         settings: settings(node),
         doc: first_sentence(node.entry.spec.doc),
+        is_name: false,
     }
 }
 

@@ -35,6 +35,7 @@ fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
             outputs: list(outputs),
             settings: Vec::new(),
             doc: String::new(),
+            is_name: false,
         });
     }
     for line in wires {
@@ -54,6 +55,7 @@ fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
             port: String::new(),
             stroke: if matches!(bridge, "touch" | "loop") { Stroke::Touch } else { Stroke::Thin },
             closes_loop: matches!(bridge, "loop" | "delay"),
+            about: String::new(),
         });
     }
     sketch
@@ -179,7 +181,7 @@ fn arm() -> Sketch {
 fn no_boxes_overlap_and_groups_hold_their_own() {
     for sketch in [texturepad(), arm()] {
         let all: Vec<usize> = (0..sketch.boxes.len()).collect();
-        let scene = arrange(&sketch, &all, "");
+        let scene = arrange(&sketch, &all, "", WIDEST);
         assert_eq!(scene.boxes.len(), sketch.boxes.len());
         for (i, (a, ra)) in scene.boxes.iter().enumerate() {
             for (b, rb) in &scene.boxes[..i] {
@@ -207,14 +209,14 @@ fn no_boxes_overlap_and_groups_hold_their_own() {
 fn every_wire_is_drawn_from_its_output_to_its_input() {
     for sketch in [texturepad(), arm()] {
         let all: Vec<usize> = (0..sketch.boxes.len()).collect();
-        let scene = arrange(&sketch, &all, "");
+        let scene = arrange(&sketch, &all, "", WIDEST);
         let place = |node: usize| scene.boxes.iter().find(|(number, _)| *number == node).unwrap().1;
         for (number, wire) in sketch.wires.iter().enumerate() {
             let parts: Vec<&[(f64, f64)]> =
                 scene.routes.iter().filter(|(n, _)| *n == number).map(|(_, route)| route.points()).collect();
             let (from, to) = (place(wire.from.0), place(wire.to.0));
-            let start = (from.right(), from.y + port_height(wire.from.1));
-            let end = (to.x, to.y + port_height(wire.to.1));
+            let start = (from.right(), from.y + port_height(&sketch.boxes[wire.from.0], wire.from.1));
+            let end = (to.x, to.y + port_height(&sketch.boxes[wire.to.0], wire.to.1));
             let near = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6;
             let mut at = start;
             for _ in &parts {
@@ -227,6 +229,25 @@ fn every_wire_is_drawn_from_its_output_to_its_input() {
             assert!(near(at, end), "{wire:?}");
         }
     }
+}
+
+#[test]
+fn an_overview_of_each_shipped_graph_has_its_nodes_and_can_be_read_on_a_screen() {
+    for (name, sketch) in shipped() {
+        let (picture, size) = overview(sketch.overview(false), "");
+        let scale = (SCREEN.0 / size.0).min(SCREEN.1 / size.1);
+        assert!(12.0 * scale >= SMALLEST, "{name}: names of {:.1} px", 12.0 * scale);
+        for node in sketch.boxes.iter().filter(|node| node.role != Role::File) {
+            assert!(picture.contains(&format!("data-node=\"{}\"", node.path)), "{name}: {}", node.path);
+        }
+    }
+    // A template is a box, whose wires are bundles that name all of their ports.
+    let collapsed = texturepad().overview(true);
+    let template = collapsed.boxes.iter().position(|node| node.path == "texture").expect("a box");
+    assert!(collapsed.boxes.iter().all(|node| !node.path.contains('/')));
+    let wires: Vec<_> = collapsed.wires.iter().map(|wire| (wire.from.0, wire.to.0)).collect();
+    let distinct: std::collections::BTreeSet<_> = wires.iter().collect();
+    assert!(wires.iter().any(|wire| wire.1 == template) && wires.len() == distinct.len());
 }
 
 #[test]
@@ -290,9 +311,12 @@ fn is_in(rect: &Rect, point: (f64, f64)) -> bool {
 #[test]
 fn no_wire_crosses_a_label_or_a_box() {
     let made = [("texturepad", texturepad()), ("arm", arm())].map(|(name, sketch)| (name.to_owned(), sketch));
-    for (name, sketch) in made.into_iter().chain(shipped()) {
+    let overviews = shipped().into_iter().flat_map(|(name, sketch)| {
+        [false, true].map(|collapse| (format!("{name}, names"), sketch.overview(collapse)))
+    });
+    for (name, sketch) in made.into_iter().chain(shipped()).chain(overviews) {
         let all: Vec<usize> = (0..sketch.boxes.len()).collect();
-        let scene = arrange(&sketch, &all, "");
+        let scene = arrange(&sketch, &all, "", WIDEST);
         let place = |node: usize| scene.boxes.iter().find(|(number, _)| *number == node).unwrap().1;
         let wires: Vec<(usize, Vec<(f64, f64)>)> =
             { scene.routes.iter() }.map(|(wire, route)| (*wire, along(route))).collect();
@@ -306,7 +330,10 @@ fn no_wire_crosses_a_label_or_a_box() {
         }
         for (number, wire) in sketch.wires.iter().enumerate() {
             let (from, to) = (place(wire.from.0), place(wire.to.0));
-            let (start, end) = (from.y + port_height(wire.from.1), to.y + port_height(wire.to.1));
+            let (start, end) = (
+                from.y + port_height(&sketch.boxes[wire.from.0], wire.from.1),
+                to.y + port_height(&sketch.boxes[wire.to.0], wire.to.1),
+            );
             // The unit stands above the start of the wire, in letters of 9 pixels; its own wire stays below it.
             let unit = Rect {
                 x: from.right() + 6.0,
