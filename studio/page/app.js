@@ -193,12 +193,21 @@ function cover(studio) {
     find("pad-cover-button").onclick = says[2];
 }
 
-// Escape and full stop are STOP, unless a text field or the element with the focus handles the key.
+// Closes what is open over the page; false if there is nothing.
+function closeOpen(studio) {
+    const help = document.querySelector(":popover-open");
+    const isOpen = help !== null || !find("node").hidden;
+    help?.hidePopover();
+    if (!help && isOpen) studio.showNode(null);
+    return isOpen;
+}
+
+// Escape, where nothing is open, and full stop are STOP, unless a text field or the element with the focus handles the key.
 function mountStop(studio) {
     find("stop").addEventListener("click", () => studio.stop());
     window.addEventListener("keydown", (event) => {
         if (event.defaultPrevented || event.isComposing) return;
-        if (event.key === "Escape" || (event.key === "." && !takesText(event.target))) studio.stop();
+        if (event.key === "Escape" ? !closeOpen(studio) : event.key === "." && !takesText(event.target)) studio.stop();
     });
 }
 

@@ -233,6 +233,30 @@ test("STOP is a key and a button, and only Resume ends it", async (page) => {
     }
 });
 
+test("Escape closes what is open, and stops only then; the full stop stops at once", async (page) => {
+    await page.evaluate(() => studio.showTab("graph"));
+    const running = () => page.evaluate(() => studio.connection.stopping === false && studio.status.state === "running");
+    const isOpen = () => page.evaluate(() => !document.getElementById("node").hidden || document.querySelector(":popover-open") !== null);
+    const opening = [
+        () => page.evaluate(() => studio.showNode(studio.graph.settings[0].node)),
+        () => page.evaluate(() => document.getElementById("figures-help").showPopover()),
+    ];
+    for (const open of opening) {
+        await open();
+        assert(await isOpen());
+        await page.click("h2 >> nth=0", { trial: true });
+        await page.keyboard.press("Escape");
+        await page.waitForTimeout(300);
+        assert(!(await isOpen()) && (await running()));
+    }
+    await opening[0]();
+    await page.keyboard.press(".");
+    await page.waitForFunction(() => studio.status.state === "stopped", null, { timeout: PATIENCE_MS });
+    await page.evaluate(() => studio.showNode(null));
+    await page.click("#pad-cover-button");
+    await page.waitForFunction(() => studio.status.state === "running", null, { timeout: PATIENCE_MS });
+});
+
 serverTest("of two pages one owns the pad", async (page) => {
     const other = await open();
     await other.waitForTimeout(300);
