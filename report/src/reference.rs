@@ -475,6 +475,12 @@ mod tests {
             ("random", "Noise"),
             ("pass", "LowPass"),
             ("texture", "Texture "),
+            // By their names in other programs.
+            ("Lag", "LowPass"),
+            ("Latch", "SampleHold"),
+            ("LFNoise", "Noise"),
+            ("sah", "SampleHold"),
+            ("tapper", "Tapping"),
         ];
         for (word, kind) in by_word {
             assert!(found(None, &[word]).contains(kind), "{word}");

@@ -170,9 +170,12 @@ impl Server<'_> {
     fn kinds(&self) -> Value {
         let item = |kind: Listed| {
             let insert = format!("{}($0)", kind.name);
+            // Names in other programs find it, too.
+            let filter =
+                kind.name.to_owned() + kind.doc.split_once("Elsewhere:").map_or("", |(_, names)| names);
             json!({
                 "label": kind.name, "kind": KIND_CLASS, "detail": kind.group, "documentation": kind.doc,
-                "insertText": insert, "insertTextFormat": SNIPPET,
+                "filterText": filter, "insertText": insert, "insertTextFormat": SNIPPET,
             })
         };
         let nodes = self.registry.nodes().iter().map(Listed::from);

@@ -25,7 +25,8 @@ export function completions(studio) {
         const word = context.matchBefore(/\w*/);
         if (word.from === word.to && !context.explicit) return null;
         const options = place.key === null ? keys(studio, place) : values(studio, place);
-        return options.length ? { from: word.from, options: options.map(before(text, context.pos)), validFor: /^\w*$/ } : null;
+        const to = context.pos + text.slice(context.pos).match(/^\w*/)[0].length; // the whole word is replaced
+        return options.length ? { from: word.from, to, options: options.map(before(text, to)), validFor: /^\w*$/ } : null;
     };
 }
 
@@ -200,14 +201,15 @@ function kinds(studio, section) {
     const all = studio.hello.kinds.filter(
         ({ group }) => !["nodes", "endpoints"].includes(section) || (group === "devices") === (section === "endpoints"),
     );
-    return all.map((kind) => ({
-        label: kind.name,
-        apply: `${kind.name}(`,
-        detail: kind.group,
-        type: "class",
-        info: () => element({ title: kind.name, doc: kind.doc }),
-    }));
+    return all.flatMap((kind) => {
+        const option = { apply: `${kind.name}(`, type: "class", info: () => element({ title: kind.name, doc: kind.doc }) };
+        const others = elsewhere(kind.doc).map((label) => ({ ...option, label, detail: kind.name, boost: -1 }));
+        return [{ ...option, label: kind.name, detail: kind.group }, ...others];
+    });
 }
+
+// Names of a kind in other programs, from its description.
+const elsewhere = (doc) => doc.match(/Elsewhere: ([^.]*(?:\.\w[^.]*)*)\.$/)?.[1].split(", ") ?? [];
 
 // The documentation of the word at `at`, as { from, to, element }; null if there is none.
 export function helpAt(studio, text, at) {

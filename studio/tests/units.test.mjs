@@ -244,13 +244,25 @@ const applied = (text) => optionsAt(text).map(({ apply }) => apply);
 // What is offered there, by label, with the details.
 const offered = (text) => Object.fromEntries(optionsAt(text).map(({ label, detail }) => [label, detail ?? ""]));
 
-function optionsAt(text) {
+const optionsAt = (text, of = writing) => completedAt(text, of)?.options ?? [];
+
+function completedAt(text, of) {
     const at = text.indexOf("|");
     const doc = text.replace("|", "");
     const from = at - doc.slice(0, at).match(/\w*$/)[0].length;
     const context = { state: { doc: { toString: () => doc } }, pos: at, explicit: true, matchBefore: () => ({ from, to: at }) };
-    return completions(writing)(context)?.options ?? [];
+    return completions(of)(context);
 }
+
+test("a kind is found by its names in other programs, and takes the place of the whole word", () => {
+    const [sine] = writing.hello.kinds.filter(({ name }) => name === "Sine");
+    const kinds = [{ ...sine, doc: "A tone. Elsewhere: SinOsc, os.osc, rate limiter." }];
+    const of = { ...writing, hello: { ...writing.hello, kinds } };
+    const text = 'Graph(nodes: { "a": Si|nOsc(gain: 1)';
+    const found = optionsAt(text, of).map(({ label, apply, detail }) => [label, apply, detail]);
+    assert.deepEqual(found.slice(1), ["SinOsc", "os.osc", "rate limiter"].map((label) => [label, "Sine", "Sine"]));
+    assert.equal(completedAt(text, of).to, text.indexOf("(gain") - 1);
+});
 
 test("the editor completes what can stand at a place, with units, and nothing else", () => {
     const nodes = (text) => offered(`Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) }, nodes: { ${text}`);

@@ -49,6 +49,7 @@ const START: f64 = 0.01;
 haptograph_engine::node! {
     /// Butterworth low-pass: maximally flat magnitude, unit gain at 0 Hz. A change of the cut-off keeps its state: a
     /// constant stays constant.
+    /// Elsewhere: Lag, LPF, OnePole, lop~, lowpass, butter, si.smoo.
     pub struct LowPass(CutoffSettings) in "filters";
     source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
     example: r#""smooth": LowPass(input: "sensor.force", cutoff_hz: 20.0)"#;
@@ -77,6 +78,7 @@ impl FilterKind for LowPass {
 haptograph_engine::node! {
     /// Butterworth high-pass: maximally flat magnitude, unit gain at half the rate. A change of the cut-off keeps its
     /// state.
+    /// Elsewhere: HPF, hip~, highpass, LeakDC, dcblocker.
     pub struct HighPass(CutoffSettings) in "filters";
     source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
     example: r#""vibration": HighPass(input: "sensor.acceleration", cutoff_hz: 20.0)"#;
@@ -122,6 +124,7 @@ const HIGH: Fallback<BandPass> = Fallback::new(BandPass::HIGH, BandPassSettings:
 haptograph_engine::node! {
     /// Butterworth band-pass: unit gain in the middle of the band. A change of its edges keeps its state; if `low` is not
     /// below `high`, the filter does not change.
+    /// Elsewhere: BPF, bp~, bandpass, Resonz.
     pub struct BandPass(BandPassSettings) in "filters";
     source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
     example: r#""felt": BandPass(input: "texture.acceleration", low_hz: 20.0, high_hz: 400.0)"#;
@@ -162,6 +165,7 @@ impl FilterKind for BandPass {
 haptograph_engine::node! {
     /// Bessel low-pass: maximally flat delay, so that transients keep their shape. A change of the cut-off keeps its state:
     /// a constant stays constant.
+    /// Elsewhere: besself.
     pub struct Bessel(CutoffSettings) in "filters";
     source: "2.2; bilinear transform, prewarped; tuned like a trapezoidal state-variable filter";
     example: r#""antialias": Bessel(input: "accelerometer.acceleration", cutoff_hz: 400.0, order: 5)"#;

@@ -41,6 +41,7 @@ const FREQUENCY: Fallback<Biquad> = Fallback::new(Biquad::FREQUENCY, BiquadSetti
 
 haptograph_engine::node! {
     /// A second-order filter whose frequency (cut-off) and quality can be turned while it runs, or swept by a signal.
+    /// Elsewhere: biquad~, BPeakEQ, tf2.
     pub struct Biquad(BiquadSettings) in "filters";
     source: "trapezoidal state-variable filter (Zavalishin, Simper); bilinear transform, prewarped";
     example: r#""ring": Biquad(input: "noise.output", shape: BandPass, frequency_hz: 250.0, q: 8.0)"#;
@@ -240,6 +241,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// A second-order section given by its coefficients: (b_0 + b_1 z^-1 + b_2 z^-2) / (1 + a_1 z^-1 + a_2 z^-2).
+    /// Elsewhere: SOS, sosfilt, zpk2sos.
     pub struct SecondOrderSection(SecondOrderSectionSettings) in "filters";
     example: r#""shape": SecondOrderSection(input: "noise.output", b: [0.2, 0.0, -0.2], a: [-1.2, 0.6])"#;
     in INPUT: Linear = Port::any("The signal.");

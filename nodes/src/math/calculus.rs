@@ -13,6 +13,7 @@ const WIDEST: usize = Kind::WRENCH.width();
 haptograph_engine::node! {
     /// The difference to the last frame, per second; zero at the first frame. Follow it with a low-pass: it amplifies noise
     /// in proportion to frequency.
+    /// Elsewhere: Slope, diff, gradient.
     pub struct Derivative(NoSettings) in "math";
     example: r#""velocity": Derivative(input: "stylus.position")"#;
     in INPUT: Linear = Port::any("The signal.");
@@ -69,6 +70,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// The integral over time by the trapezoidal rule; with `leak_s` the integral decays exponentially. A frame with NaN or
     /// infinity is skipped.
+    /// Elsewhere: cumsum, cumtrapz, integral.
     pub struct Integrator(IntegratorSettings) in "math";
     example: r#""distance": Integrator(input: "speed.speed")"#;
     in INPUT: Linear = Port::any("The signal.");

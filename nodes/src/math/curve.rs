@@ -56,6 +56,7 @@ haptograph_engine::node! {
     /// A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map from force
     /// to loudness, the profile of a surface over position, a force over depth. The points are written in the graph or come
     /// from two columns of a CSV file: `file: "spring.csv", x_column: "depth_mm", y_column: "force_n"`.
+    /// Elsewhere: interp1, Shaper, lookup~, waveshaper.
     pub struct Curve(CurveSettings) in "math";
     source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)";
     example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#;

@@ -12,6 +12,7 @@ const WIDEST: usize = Kind::WRENCH.width();
 
 haptograph_engine::node! {
     /// The number of events so far. A reset comes before an event of the same tick, which then is the first.
+    /// Elsewhere: PulseCount, Stepper.
     pub struct Counter(NoSettings) in "math";
     example: r#""taps so far": Counter(event: "taps.tap")"#;
     in EVENT: Event = Port::any("The events to count, of any value.");
@@ -51,6 +52,7 @@ impl Processor<Counter> for Counting {
 haptograph_engine::node! {
     /// A signal as it was at the last event; zero before the first. It holds the signal, not the value of the event. A
     /// frame with NaN or infinity is not taken.
+    /// Elsewhere: Latch, sah, samphold~, sAndH.
     pub struct SampleHold(NoSettings) in "math";
     example: r#""place of the last tap": SampleHold(input: "arm.position", event: "taps.tap")"#;
     in INPUT: Linear = Port::any("The signal.");

@@ -28,6 +28,7 @@ haptograph_engine::node! {
     /// then, otherwise), not. A result that is not finite, as of a division by zero, is zero. `2^3^2` is 2^9, `%` and `mod`
     /// are never negative: `-1 % 3` is 2, and so is `-1 % -3`. It runs on the clock of its inputs: for a vibration from
     /// slower ones write `clock: "audio"` and `Linear(...)` around each of them.
+    /// Elsewhere: expr~, fexpr~, UnaryOpUGen, anonymous function.
     pub struct Expression(ExpressionSettings) in "math";
     example: r#""ridges": Expression(inputs: {"texture": "texture.acceleration", "hum": "hum.output"}, formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#;
     in INPUTS: Scalar, Named = Port::any("Scalars of any quantity, by their names in the formula.");

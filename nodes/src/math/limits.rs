@@ -18,6 +18,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Clamps every component of a signal to two bounds.
+    /// Elsewhere: Clip, clip~, min, max.
     pub struct Clamp(ClampSettings) in "math";
     example: r#""pressed": Clamp(input: "stylus.force", lowest: 0.0, highest: 3.0)"#;
     in INPUT: Linear = Port::any("The signal.");
@@ -67,6 +68,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Limits every component of a signal smoothly: limit tanh(x / limit). Small signals pass nearly unchanged.
+    /// Elsewhere: tanh, softclip, Distort.
     pub struct SoftClip(SoftClipSettings) in "math";
     example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#;
     in INPUT: Linear = Port::any("The signal.");
@@ -104,6 +106,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Limits the slew rate of a signal; for a vector, the length of its change. The output starts at the first input.
+    /// Elsewhere: Slew, slide~, VarLag, rate limiter.
     pub struct SlewLimit(SlewLimitSettings) in "math";
     example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#;
     in INPUT: Linear = Port::any("The signal.");

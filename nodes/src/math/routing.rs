@@ -16,6 +16,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Selects one of several signals of one kind and quantity, by a signal or by a setting.
+    /// Elsewhere: Select, selector~, selectn, gate.
     pub struct Switch(SwitchSettings) in "math";
     example: r#""source": Switch(inputs: ["texture.acceleration", "tone.output"], select: 1)"#;
     in SELECTOR: Scalar, Optional =
@@ -74,6 +75,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// Delays a signal by a number of frames; the output is neutral before that, which is zero for the shipped kinds. It
     /// does not close a feedback loop: for that, write the delay on the connection, as `Delay(...)` in place of the input.
+    /// Elsewhere: DelayN, delay~, delread~.
     pub struct Delay(DelaySettings) in "math";
     example: r#""echo": Delay(input: "texture.acceleration", frames: 480)"#;
     in INPUT: Linear = Port::any("The signal.");

@@ -16,6 +16,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Multiplies a signal by a number without unit. The quantity does not change; to convert it, use `Calibrate`.
+    /// Elsewhere: Amp, MulAdd, db2mag.
     pub struct Gain(GainSettings) in "math";
     example: r#""louder": Gain(input: "texture.acceleration", gain: 2.0)"#;
     in INPUT: Linear = Port::any("The signal.");
@@ -67,6 +68,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Adds a number to a scalar signal.
+    /// Elsewhere: Bias, MulAdd.
     pub struct Offset(OffsetSettings) in "math";
     example: r#""zeroed": Offset(input: "stylus.force", offset: -0.02)"#;
     in INPUT: Scalar = Port::any("The signal.");
@@ -81,6 +83,7 @@ impl NodeKind for Offset {
 
 haptograph_engine::node! {
     /// The absolute value of every component. For the length of a vector use `Magnitude`.
+    /// Elsewhere: abs~, rectifier.
     pub struct Abs(NoSettings) in "math";
     example: r#""rectified": Abs(input: "texture.acceleration")"#;
     in INPUT: Linear = Port::any("The signal.");

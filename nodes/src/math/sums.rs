@@ -85,6 +85,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Adds any number of signals of one kind and quantity, each with its own gain.
+    /// Elsewhere: Mix, mixer~, sum.
     pub struct Mixer(MixerSettings) in "math";
     example: r#""mix": Mixer(inputs: ["texture.acceleration", "taps.acceleration"], gains: [1.0, 0.5])"#;
     in INPUTS: Linear, Many = Port::any("The terms, all of one kind and quantity.");

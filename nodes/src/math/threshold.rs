@@ -18,6 +18,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// Fires an event when a scalar rises to a value, and not again before it has fallen (hysteresis). A signal that starts
     /// above the value fires only after it has fallen.
+    /// Elsewhere: Schmidt, threshold~, comparator.
     pub struct Threshold(ThresholdSettings) in "math";
     example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#;
     in INPUT: Scalar = Port::any("The signal.");

@@ -11,6 +11,7 @@ use crate::vector::{cross, dot};
 
 haptograph_engine::node! {
     /// The length of a 3-vector.
+    /// Elsewhere: norm, hypot.
     pub struct Magnitude(NoSettings) in "math";
     example: r#""pull": Magnitude(input: "arm.force")"#;
     in INPUT: Vector = Port::any("The vector.");
@@ -82,6 +83,7 @@ impl Processor<Cross> for Cross {
 
 haptograph_engine::node! {
     /// The three components of a 3-vector as scalars.
+    /// Elsewhere: unpack, demux.
     pub struct Components(NoSettings) in "math";
     example: r#""tip": Components(input: "stylus.position")"#;
     in INPUT: Vector = Port::any("The vector.");
@@ -108,6 +110,7 @@ impl Processor<Components> for Components {
 
 haptograph_engine::node! {
     /// Makes a 3-vector from three scalars of one quantity.
+    /// Elsewhere: pack, mux.
     pub struct Pack(NoSettings) in "math";
     example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#;
     in X: Scalar = Port::any("Along x.");

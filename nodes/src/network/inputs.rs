@@ -30,6 +30,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`,
     /// a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a vector with `Pack`.
+    /// Elsewhere: MouseX, hslider, nentry, slider, Control.
     pub struct LiveInputSource as "LiveInput"(LiveInputSettings) in "sources";
     example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#;
     out VALUE: Scalar =

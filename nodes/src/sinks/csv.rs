@@ -23,6 +23,7 @@ haptograph_engine::node! {
     /// Writes signals of one rate to a CSV file: a column `time_s`, then one for each component of each signal, named after
     /// its port with its SI unit: `stylus.force_n`. Numbers have full precision. Beside it, `<file>.ron` states what the
     /// columns are and whether they were simulated.
+    /// Elsewhere: writetable, writematrix.
     pub struct CsvSink(CsvSinkSettings) in "sinks";
     example: r#""table": CsvSink(inputs: ["stylus.position", "stylus.force"], file: "stylus.csv")"#;
     in INPUTS: AnyKind, Many = Port::any("Signals of any kinds and quantities, all of one rate.");

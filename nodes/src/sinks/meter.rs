@@ -16,6 +16,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// The level of a signal: the root of its exponentially weighted mean square, and a peak that decays with the same time
     /// constant. For a vector they measure its length.
+    /// Elsewhere: Amplitude, env~, rms, Scope.
     pub struct Meter(MeterSettings) in "sinks";
     example: r#""level": Meter(input: "texture.acceleration", window_s: 0.3)"#;
     in INPUT: Linear = Port::any("The signal.");

@@ -14,6 +14,7 @@ pub const GROUP: &str = "plots";
 haptograph_engine::node! {
     /// Requests a plot of signals over time on the page of a run, under the name of this node: signals of one quantity in
     /// one frame. For a vector, its length is drawn.
+    /// Elsewhere: plot, scope~, Scope.
     pub struct TimePlot(NoSettings) in GROUP;
     example: r#""forces": TimePlot(inputs: ["stylus.force", "speed.speed"])"#;
     in INPUTS: AnyKind, Many = Port::any("Scalars, 3-vectors or events of any quantities and rates.");

@@ -24,6 +24,7 @@ haptograph_engine::node! {
     /// Writes a signal at its own rate to a WAV file of 32-bit floats, one channel per component. At least once a second
     /// its header is updated, so that the file is valid however the run ends; beyond 4 GiB it becomes RF64. Beside it,
     /// `<file>.ron` states the value of full scale and whether the signal was simulated.
+    /// Elsewhere: DiskOut, writesf~, audiowrite.
     pub struct WavSink(WavSinkSettings) in "sinks";
     example: r#""record": WavSink(input: "texture.acceleration", file: "texture.wav", full_scale: 20.0)"#;
     in INPUT: Linear = Port::any("The signal.");

@@ -207,6 +207,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// Drives an actuator by voltage through a soundcard, within limits that the graph has to state. NaN and infinity
     /// become zero. An actuator that is driven by current uses an `ActuatorSink` on a `Soundcard`.
+    /// Elsewhere: Out, dac~.
     pub struct SoundcardSink(SoundcardSinkSettings) in "sinks";
     example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#;
     in VOLTAGE: Scalar = Port::of(Quantity::VOLTAGE, "Requested voltage, V.");
@@ -222,6 +223,7 @@ impl ActuatorKind for SoundcardSink {
 haptograph_engine::node! {
     /// Reads a voltage from a soundcard. `Calibrate` converts it to the sensor's quantity; an accelerometer on a soundcard
     /// uses `Accelerometer`.
+    /// Elsewhere: In, SoundIn, adc~.
     pub struct SoundcardSource(NoSettings) in "sources";
     example: r#""line": SoundcardSource(clock: "audio", endpoint: "line")"#;
     out VOLTAGE: Scalar = Port::of(Quantity::VOLTAGE, "Voltage at the input, V.");

@@ -50,6 +50,7 @@ haptograph_engine::node! {
     /// the header and lines that begin with `#` are skipped. An empty cell (a slower sensor) holds the column's last value;
     /// cells before the first value take the first value. The unit at the end of the column's name is converted to SI. The
     /// run ends with the last row, unless `at_end` states otherwise.
+    /// Elsewhere: readtable, readmatrix.
     pub struct CsvSource(CsvSourceSettings) in "sources";
     example: r#""force": CsvSource(clock: "control", file: "recordings/stroke.csv", column: "force_n", quantity: "force")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The column.");

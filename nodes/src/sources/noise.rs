@@ -34,6 +34,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// Gaussian noise: random numbers, white or pink. Each node has a stream of its own, from the graph's seed and the node's path.
+    /// Elsewhere: WhiteNoise, PinkNoise, LFNoise, noise~, randn.
     pub struct Noise(NoiseSettings) in "sources";
     example: r#""hiss": Noise(clock: "synth", variance: 0.01, quantity: "acceleration")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The noise.");

@@ -25,6 +25,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own
     /// tick. An event during playback restarts it. The file's rate has to be that of the node's clock.
+    /// Elsewhere: PlayBuf, tabplay~.
     pub struct OneShot(OneShotSettings) in "sources";
     example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#;
     in START: Event = Port::any("Begins it.");

@@ -58,6 +58,7 @@ haptograph_engine::node! {
     /// distance since the last frame. This attenuates aliases: by 3.9 dB at half the rate, and by 13 dB or more for
     /// components that would alias to 0 Hz. At rest the output holds its value; connect `speed` for silence. A position of
     /// a slower clock needs a `Linear` bridge: between held positions nothing moves.
+    /// Elsewhere: BufRd, tabread4~, rdtable.
     pub struct WavOverPosition(WavOverPositionSettings) in "sources";
     source: "vibration by position: Strohmeier and Hornbaek, CHI 2017";
     example: r#""grain": WavOverPosition(position: "stylus.position", file: "recordings/felt.wav", length_mm: 60, full_scale: 20, quantity: "acceleration")"#;

@@ -16,6 +16,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// The phase of an oscillator whose frequency is a signal, in turns from 0 up to 1: frequency modulation, or an LFO of
     /// any shape. A sine of it is an `Expression`: `sin(2*pi * a)`; a `Curve` over it is any other.
+    /// Elsewhere: Phasor, phasor~, LFSaw, sawtooth.
     pub struct Phase(PhaseSettings) in "sources";
     example: r#""turn": Phase(frequency: "pitch.output")"#;
     in FREQUENCY: Scalar =
@@ -72,6 +73,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// An envelope of linear segments: attack, decay, sustain, release. The attack starts from the present level, so that
     /// nothing jumps.
+    /// Elsewhere: EnvGen, adsr~, en.adsr.
     pub struct Adsr(AdsrSettings) in "sources";
     example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#;
     in GATE: Scalar = Port::any("The gate is open while this is above zero.");

@@ -19,6 +19,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// A constant number.
+    /// Elsewhere: DC, sig~.
     pub struct Constant(ConstantSettings) in "sources";
     example: r#""speed": Constant(clock: "control", value: 0.13, quantity: "speed")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The value.");
@@ -139,6 +140,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// A linear ramp from one value to another; constant before and after.
+    /// Elsewhere: Line, XLine, line~, linspace.
     pub struct Ramp(RampSettings) in "sources";
     example: r#""faster": Ramp(clock: "control", to: 0.2, duration_s: 10.0, quantity: "speed")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The ramp.");
@@ -227,6 +229,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::node! {
     /// One rectangular pulse or, with a period, a square wave. Every edge falls on the first tick at or after its time.
+    /// Elsewhere: LFPulse, Impulse, square, metro.
     pub struct Pulse(PulseSettings) in "sources";
     example: r#""knock": Pulse(clock: "servo", high: 2.0, width_s: 0.01, period_s: 1.0, quantity: "force")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The pulses.");

@@ -34,6 +34,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// Plays one channel of a WAV file from the start. The file's rate has to be that of the node's clock. The run ends
     /// with the file, unless `at_end` states otherwise.
+    /// Elsewhere: DiskIn, readsf~, audioread.
     pub struct WavSource(WavSourceSettings) in "sources";
     example: r#""felt": WavSource(clock: "audio", file: "recordings/felt.wav", full_scale: 20.0, quantity: "acceleration")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The recording.");

@@ -28,6 +28,7 @@ const FREQUENCY: Fallback<Sine> = Fallback::new(Sine::FREQUENCY, SineSettings::f
 haptograph_engine::node! {
     /// A sine: an oscillator, or below some 20 Hz the slow modulation (LFO) of another signal. A change of frequency
     /// continues from the present phase.
+    /// Elsewhere: SinOsc, osc~, cycle~, os.osc, sin.
     pub struct Sine(SineSettings) in "sources";
     example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#;
     in FREQUENCY: Scalar, Optional =
@@ -162,6 +163,7 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency of its ends
     /// continues from the present phase.
+    /// Elsewhere: sweep, chirp.
     pub struct Chirp(ChirpSettings) in "sources";
     example: r#""sweep": Chirp(clock: "synth", from_hz: 10.0, to_hz: 1000.0, amplitude: 0.2, quantity: "current")"#;
     out OUTPUT: Scalar = Port::of_setting("quantity", "The sweep.");

@@ -47,6 +47,7 @@ haptograph_engine::node! {
     /// that still rings. An impact faster than the fastest recorded tap grows with its speed; with `above: Hold` it is the
     /// fastest tap as recorded, as in the thesis. Taps of another rate are resampled to the node's clock. With a surface
     /// without taps nothing is played.
+    /// Elsewhere: tapper, impact.
     pub struct Tapping(TappingSettings) in "tapping";
     source: "4.3.2";
     example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#;
