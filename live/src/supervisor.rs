@@ -51,7 +51,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use watch::FileWatch;
+pub use watch::FileWatch;
 
 /// Polling period.
 const PERIOD: Duration = Duration::from_millis(50);

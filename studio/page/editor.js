@@ -24,8 +24,30 @@ export function mountEditor(studio) {
         if (untouched && textOf(state) !== graph.text) replace(state, graph.text, false);
         show(studio, state);
     });
+    followDisk(studio, state, act);
     studio.editor = state.view;
     return act;
+}
+
+// Where another program changed the file, its text is applied; if the text here is changed too, a person decides.
+function followDisk(studio, state, act) {
+    let onDisk = null;
+    const decide = (takes) => {
+        find("disk").hidden = true;
+        if (!takes) return;
+        replace(state, onDisk);
+        act.apply();
+    };
+    studio.connection.on("disk", ({ text }) => {
+        if (studio.status?.owner === false || text === textOf(state)) return;
+        onDisk = text;
+        const isChanged = textOf(state) !== state.engine || !state.saved;
+        if (!isChanged) return decide(true);
+        find("disk").hidden = false;
+        studio.say("warn", "Another program changed the graph's file: choose in the editor whose text runs");
+    });
+    find("disk-take").addEventListener("click", () => decide(true));
+    find("disk-keep").addEventListener("click", () => decide(false));
 }
 
 // A diagnostic with its fields as the page uses them.
@@ -112,6 +134,10 @@ async function apply(studio, state) {
 }
 
 async function save(studio, state) {
+    if (!find("disk").hidden) {
+        state.note = "Not saved: choose first whose text is right";
+        return show(studio, state);
+    }
     const reply = await studio.connection.request({ type: "save", text: textOf(state) });
     state.note = reply.ok ? `Saved to ${studio.graph?.path ?? "the file"}` : `Not saved: ${reply.error}`;
     show(studio, state);

@@ -25,8 +25,7 @@ export function completions(studio) {
         const word = context.matchBefore(/\w*/);
         if (word.from === word.to && !context.explicit) return null;
         const options = place.key === null ? keys(studio, place) : values(studio, place);
-        const to = context.pos + text.slice(context.pos).match(/^\w*/)[0].length; // the whole word is replaced
-        return options.length ? { from: word.from, to, options: options.map(before(text, to)), validFor: /^\w*$/ } : null;
+        return options.length ? { from: word.from, options: options.map(before(text, context.pos)), validFor: /^\w*$/ } : null;
     };
 }
 

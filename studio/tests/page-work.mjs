@@ -361,6 +361,16 @@ programTest("the editor completes, explains and saves, and not over what somebod
         assert.match(await save("over it"), /^Not saved/);
         assert(readFileSync(file, "utf8").endsWith("// somebody else\n"));
         assert(!readFileSync(file, "utf8").includes("over it"));
+        // Both are changed: a person chooses.
+        await page.waitForSelector("#disk:not([hidden])");
+        assert.match(await save("again"), /^Not saved/);
+        await page.click("#disk-take");
+        const isOf = (text) => until(page, (end) => studio.graph.text.endsWith(end) && studio.editor.state.doc.toString() === studio.graph.text, text);
+        await isOf("// somebody else\n");
+        // Only the file is: its text runs.
+        appendFileSync(file, "// and again\n");
+        await isOf("// and again\n");
+        assert.equal(await page.evaluate(() => studio.graph.saved), true);
     } finally {
         await page.context().close();
         await own.end();

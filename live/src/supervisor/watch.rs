@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// The files of a graph: its own, included ones, and those named by settings.
-pub(super) struct FileWatch {
+#[derive(Debug)]
+pub struct FileWatch {
     files: Vec<(PathBuf, Stamp)>,
     /// A change was seen at the last poll; it is reported when the next poll finds no further one, since the
     /// file is then complete.
@@ -18,7 +19,7 @@ pub(super) type Stamp = Option<(SystemTime, u64)>;
 
 impl FileWatch {
     /// From the present state of the files on.
-    pub(super) fn of(graph: &Graph) -> Self {
+    pub fn of(graph: &Graph) -> Self {
         let sources = graph.sources().iter().filter(|source| source.is_file);
         let sources = sources.map(|source| source.path.clone());
         let named = graph.nodes().iter().flat_map(|node| node.files.clone());
@@ -54,7 +55,7 @@ impl FileWatch {
     }
 
     /// True once per change.
-    pub(super) fn has_changed(&mut self) -> bool {
+    pub fn has_changed(&mut self) -> bool {
         let (mut new, mut gone) = (false, false);
         for (path, known) in &mut self.files {
             let now = stamp(path);
