@@ -134,9 +134,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
         threads: arguments.threads.map_or(usual.threads, usize::from),
     };
     let stop = run::stop_on_interrupt()?;
-    let progress = Progress::of("rendering");
-    let done = batch::render(batch, folder, &settings, &|part| progress.at(part), &stop);
-    drop(progress);
+    let done = Progress::during("rendering", |at| batch::render(batch, folder, &settings, at, &stop));
     let done = done.map_err(Failure::message)?;
     for (path, why) in &done.replaced {
         eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
@@ -185,10 +183,8 @@ impl CommandResult for Joined {
 }
 
 fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
-    let progress = Progress::of("merging");
-    let merged = batch::merge(parts, output, &|part| progress.at(part));
-    drop(progress);
-    let merged = merged.map_err(Failure::message)?;
+    let merged =
+        Progress::during("merging", |at| batch::merge(parts, output, at)).map_err(Failure::message)?;
     show(&Joined { merged, parts: parts.len() }, json)
 }
 

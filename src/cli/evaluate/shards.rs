@@ -7,7 +7,7 @@ use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::{Failure, folder_of};
 use crate::engine::registry::Registry;
-use crate::learning::evaluate::{Study, StudyHead, StudyPart};
+use crate::learning::evaluate::{Study, StudyError, StudyHead, StudyPart};
 use crate::learning::parts::Shard;
 use crate::signal::files;
 use clap::Subcommand;
@@ -80,12 +80,10 @@ fn evaluate_part(given: &Arguments, shard: Shard, path: &Path) -> Result<(), Fai
     }
     let output = Output::claim(path, given.force)?;
     let takes = list_takes(given.dir(), &import)?;
-    let progress = Progress::of("evaluating");
-    let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", given.dir(), error);
-    let whole = Study::of(&takes).map_err(|error| failed(&error))?;
-    let found = whole.compare(Some(shard), &settings, &|part| progress.at(part));
-    let found = found.map_err(|error| failed(&error))?;
-    drop(progress);
+    let failed = |error: StudyError| Failure::file("evaluate", given.dir(), &error);
+    let whole = Study::of(&takes).map_err(failed)?;
+    let found = Progress::during("evaluating", |at| whole.compare(Some(shard), &settings, at));
+    let found = found.map_err(failed)?;
     let compared: Vec<_> = found.into_iter().map(|(_, compared)| compared).collect();
     let head = StudyHead::of(study, &settings, &whole, &takes);
     let part = StudyPart::new(head, &compared);
@@ -130,10 +128,8 @@ fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
         return Err(Failure::Message("no part given; name the files of all parts".to_owned()));
     };
     let settings = seeded(head.pooling, head.seed);
-    let progress = Progress::of("evaluating");
-    let found = StudyPart::merged(&parts, &settings, &|part| progress.at(part));
+    let found = Progress::during("evaluating", |at| StudyPart::merged(&parts, &settings, at));
     let found = found.map_err(Failure::message)?;
-    drop(progress);
     let StudyHead { simulated, recordings, .. } = *head;
     show(&Tables { found, simulated, recordings, page: None }, json)
 }

@@ -265,9 +265,7 @@ pub(in crate::cli) fn run(arguments: &Arguments, registry: &Registry) -> Result<
     arguments.graph().refuse_repeated()?;
     let (gain, stop) = (arguments.gain()?, interrupt::flag()?);
     let runs = Runs { arguments, registry, gain, stop: &stop };
-    let progress = Progress::of("running");
-    let surfaces = runs.all(1.0, &|part| progress.at(part))?;
-    drop(progress);
+    let surfaces = Progress::during("running", |at| runs.all(1.0, at))?;
     let gain = runs.gain.as_ref().map(|(parameter, value)| {
         let factor = runs.factor(worst_of(&surfaces))?;
         let scaled = factor.map(|factor| factor * value);

@@ -38,10 +38,8 @@ const FADE: &str = "The law is what a surface renders: models on a grid, interpo
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surfaces = load_all(&arguments.paths)?;
     let textures: Vec<&TextureModel> = surfaces.iter().filter_map(|one| one.texture.as_ref()).collect();
-    let progress = Progress::of("leaving out");
-    let found = leave_one_out(&textures, &|part| progress.at(part))
-        .map_err(Failure::doing("compare maps of", &arguments.paths[0]))?;
-    drop(progress);
+    let found = Progress::during("leaving out", |at| leave_one_out(&textures, at));
+    let found = found.map_err(Failure::doing("compare maps of", &arguments.paths[0]))?;
     show(&Compared(found), arguments.json)
 }
 
@@ -123,11 +121,9 @@ impl Serialize for Compared {
         };
         let parts = PARTS.map(|(part, count)| (part.to_owned(), of(&found.left_out, count)));
         json!({
-            "textures": found.textures,
-            "left_out": Value::Object(parts.into_iter().collect()),
+            "textures": found.textures, "left_out": Value::Object(parts.into_iter().collect()),
             "narrow_third": { "speeds_apart": FAR, "maps": of(&found.far, |_| true) },
-            "power_exponents": found.exponents,
-            "notes": [FADE, CAVEAT],
+            "power_exponents": found.exponents, "notes": [FADE, CAVEAT],
         })
         .serialize(serializer)
     }
@@ -135,13 +131,8 @@ impl Serialize for Compared {
 
 fn summary(one: &Summary) -> Value {
     json!({
-        "lsd_db": one.lsd_db.mean,
-        "lsd_error_db": one.lsd_db.error,
-        "power_db": one.power_db.mean,
-        "power_error_db": one.power_db.error,
-        "beyond_6_db": one.beyond.mean,
-        "beyond_6_db_of_models": one.beyond_of_models,
-        "models": one.models,
-        "textures": one.textures,
+        "lsd_db": one.lsd_db.mean, "lsd_error_db": one.lsd_db.error, "power_db": one.power_db.mean,
+        "power_error_db": one.power_db.error, "beyond_6_db": one.beyond.mean,
+        "beyond_6_db_of_models": one.beyond_of_models, "models": one.models, "textures": one.textures,
     })
 }
