@@ -132,13 +132,10 @@ struct Resonance {
 
 fn parameters(model: &TwoMassSettings) -> Value {
     json!({
-        "force_n_per_a": model.force_n_per_a,
-        "magnet_g": model.magnet_g.0,
+        "force_n_per_a": model.force_n_per_a, "magnet_g": model.magnet_g.0,
         "suspension_n_per_mm": model.suspension_n_per_mm.0,
-        "suspension_n_s_per_m": model.suspension_n_s_per_m,
-        "body_g": model.body_g.0,
-        "hand_n_per_mm": model.hand_n_per_mm.0,
-        "hand_n_s_per_m": model.hand_n_s_per_m,
+        "suspension_n_s_per_m": model.suspension_n_s_per_m, "body_g": model.body_g.0,
+        "hand_n_per_mm": model.hand_n_per_mm.0, "hand_n_s_per_m": model.hand_n_s_per_m,
     })
 }
 

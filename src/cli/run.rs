@@ -12,7 +12,7 @@ mod status;
 pub(super) mod summary;
 
 use super::import::number;
-use super::placing::{self, Force, MARK, RunFolder, replaceable};
+use super::placing::{Force, MANIFEST, MARK, MARKER, MOVES, PROBES, REPLACED, RunFolder, replaceable};
 use super::progress::Progress;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
@@ -162,18 +162,8 @@ fn target(arguments: &Arguments) -> PathBuf {
 }
 
 /// Names that every run writes into its folder.
-const OWN_FILES: [&str; 10] = [
-    MARK,
-    placing::MANIFEST,
-    placing::MARKER,
-    placing::PROBES,
-    placing::REPLACED,
-    placing::MOVES,
-    PAGE,
-    DRAWING,
-    ARRIVALS,
-    CHANGES,
-];
+const OWN_FILES: [&str; 10] =
+    [MARK, MANIFEST, MARKER, PROBES, REPLACED, MOVES, PAGE, DRAWING, ARRIVALS, CHANGES];
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 

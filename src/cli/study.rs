@@ -240,6 +240,10 @@ struct Analysed {
     output: PathBuf,
 }
 
+/// Header of the table of tests.
+const VARIANCE: [&str; 9] =
+    ["phase", "scale or surface", "test", "term", "df", "F or chi2", "p", "p (GG)", "partial eta2"];
+
 impl CommandResult for Analysed {
     fn text(&self) -> String {
         let of = &self.analysis;
@@ -264,18 +268,7 @@ impl CommandResult for Analysed {
                 let sizes = [row.p_greenhouse_geisser, row.partial_eta_squared].map(maybe);
                 names.into_iter().chain([df, number(row.f), number(row.p)]).chain(sizes).collect()
             });
-            let header = [
-                "phase",
-                "scale or surface",
-                "test",
-                "term",
-                "df",
-                "F or chi2",
-                "p",
-                "p (GG)",
-                "partial eta2",
-            ];
-            text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
+            text += &format!("\n{}", table(&VARIANCE, &rows.collect::<Vec<_>>()));
         }
         text += &self.fits();
         if !self.beside.is_empty() {

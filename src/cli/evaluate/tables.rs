@@ -167,15 +167,13 @@ impl Serialize for Tables {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let found = &self.found;
         json!({
-            "materials": found.materials,
-            "people": found.people,
-            "expert": found.expert,
-            "simulated": self.simulated > 0,
-            "table": table_json(&found.materials_table),
+            "materials": found.materials, "people": found.people, "expert": found.expert,
+            "simulated": self.simulated > 0, "table": table_json(&found.materials_table),
             "tables": {
                 "pooled_over_pair": table_json(&found.materials_table.pooled(Pooling::Pair)),
                 "pooled_over_all": table_json(&found.materials_table.pooled(Pooling::All)),
             },
+
             "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
             "map": found.map.as_ref().map(map_json),
             "losses": found.losses.iter().map(loss_json).collect::<Vec<_>>(),
@@ -187,37 +185,24 @@ impl Serialize for Tables {
 
 fn table_json(table: &DifferenceTable) -> Value {
     json!({
-        "rows": table.rows,
-        "columns": table.columns,
-        "sd": table.differences,
-        "diagonal": table.diagonal(),
-        "baseline": table.baseline(),
-        "diagonal_is_least": table.diagonal_is_least(),
+        "rows": table.rows, "columns": table.columns, "sd": table.differences, "diagonal": table.diagonal(),
+        "baseline": table.baseline(), "diagonal_is_least": table.diagonal_is_least(),
         "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
     })
 }
 
 fn map_json(map: &PerceptualMap) -> Value {
     json!({
-        "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
-        "places": map.scaling.places,
-        "stress": map.scaling.stress,
-        "r_squared": map.scaling.r_squared,
-        "k_means": map.k_means,
-        "k_means_purity": map.k_means_purity,
-        "hierarchical_purity": map.tree_purity,
-        "power": map.power,
-        "spectral_centroid_hz": map.spectral_centroid_hz,
-        "angle_deg": map.angle_deg,
+        "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(), "places": map.scaling.places,
+        "stress": map.scaling.stress, "r_squared": map.scaling.r_squared, "k_means": map.k_means,
+        "k_means_purity": map.k_means_purity, "hierarchical_purity": map.tree_purity, "power": map.power,
+        "spectral_centroid_hz": map.spectral_centroid_hz, "angle_deg": map.angle_deg,
     })
 }
 
 fn loss_json(one: &ConditionLoss) -> Value {
     json!({
-        "texture": one.surface,
-        "condition": one.condition.symbol(),
-        "power_m2_s4": one.loss.power,
-        "spectral_centroid_hz": one.loss.centroid_hz,
-        "sd_x": one.difference,
+        "texture": one.surface, "condition": one.condition.symbol(), "power_m2_s4": one.loss.power,
+        "spectral_centroid_hz": one.loss.centroid_hz, "sd_x": one.difference,
     })
 }

@@ -30,11 +30,8 @@ pub(super) fn coverage(surface: &Surface, report: &LearningReport, is_implausibl
     let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
     let coverage = covered(&report.segments, texture.rate_hz());
     Some(json!({
-        "areas": 9 - coverage.missing().len(),
-        "of": 9,
-        "used_s": coverage.used_s,
-        "segments": coverage.segments,
-        "record_next": coverage.next_to_record().filter(|_| !is_implausible),
+        "areas": 9 - coverage.missing().len(), "of": 9, "used_s": coverage.used_s,
+        "segments": coverage.segments, "record_next": coverage.next_to_record().filter(|_| !is_implausible),
     }))
 }
 

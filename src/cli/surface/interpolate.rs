@@ -1,10 +1,11 @@
 //! `haptograph surface interpolate`: the filter of a texture at any speed and force.
 
+use super::show::mm_s;
 use super::{Failure, load, texture};
 use crate::cli::result::{CommandResult, show};
 use crate::cli::snippet;
 use crate::signal::files;
-use crate::signal::units::decimal::{format_thousandfold, parse_thousandth};
+use crate::signal::units::decimal::parse_thousandth;
 use crate::surfaces::{Coefficients, Interpolator};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -155,11 +156,6 @@ fn parse(line: &str) -> Result<Option<Request>, LineError> {
             Err(LineError { byte: start(word), message })
         }
     }
-}
-
-/// Metres to millimetres per second, with the decimals that a file would have.
-fn mm_s(speed_m_s: f64) -> f64 {
-    format_thousandfold(speed_m_s).parse().unwrap_or(speed_m_s * 1000.0)
 }
 
 impl CommandResult for Interpolated<'_> {
