@@ -192,11 +192,8 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
     let batch = Batch::load(plan).map_err(|error| shown(&error))?;
     let of = batch.jobs();
     if let Some(job) = jobs.iter().find(|job| **job >= of) {
-        let last = of - 1;
-        return Err(Failure::Message(format!(
-            "{} has no job {job}; its jobs are 0 to {last}",
-            plan.display()
-        )));
+        let (plan, last) = (plan.display(), of - 1);
+        return Err(Failure::Message(format!("{plan} has no job {job}; its jobs are 0 to {last}")));
     }
     make_folder(folder)?;
     let stop = run::stop_on_interrupt()?;

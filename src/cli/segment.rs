@@ -108,12 +108,9 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 
 /// Refuses flags that have no effect on the exact search.
 fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
-    let flag = match (arguments.seed, arguments.time_limit) {
-        _ if arguments.method == Method::Genetic => return Ok(()),
-        (Some(_), _) => "--seed",
-        (_, Some(_)) => "--time-limit",
-        _ => return Ok(()),
-    };
+    let given = [("--seed", arguments.seed.is_some()), ("--time-limit", arguments.time_limit.is_some())];
+    let idle = given.into_iter().find(|(_, is_given)| *is_given && arguments.method == Method::Exact);
+    let Some((flag, _)) = idle else { return Ok(()) };
     let message =
         format!("{flag} is for --method genetic; the exact search is not random and needs no limit\n");
     Err(Failure::Usage(clap::Error::raw(ErrorKind::ArgumentConflict, message)))

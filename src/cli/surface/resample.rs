@@ -55,15 +55,11 @@ struct Resampled {
 
 impl CommandResult for Resampled {
     fn text(&self) -> String {
+        let Self { rate_hz, method, worst_vertex, output, .. } = self;
+        let (to_hz, at_hz) = (significant(0.4 * rate_hz, 4), significant(self.worst_at_hz, 4));
+        let (db, output) = (significant(self.worst_db, 3), output.display());
         format!(
-            "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {} (from 0)\n",
-            self.output.display(),
-            self.rate_hz,
-            self.method,
-            significant(0.4 * self.rate_hz, 4),
-            significant(self.worst_db, 3),
-            significant(self.worst_at_hz, 4),
-            self.worst_vertex
+            "wrote {output}: {rate_hz} Hz by {method}\nworst spectral deviation from 20 Hz to {to_hz} Hz: {db} dB at {at_hz} Hz, model {worst_vertex} (from 0)\n"
         )
     }
 }

@@ -160,14 +160,10 @@ fn describe_taps(taps: &Taps) -> String {
     let centroid = taps.spectral_centroid_hz().map_or_else(String::new, |hz| {
         format!(", spectral centroid {} Hz (mean at 50 to 100 mm/s)", significant(hz, 3))
     });
-    format!(
-        "{} of {} ms at {} Hz, {} to {} mm/s{response}{centroid}",
-        taps.taps().len(),
-        significant(1000.0 * taps.length() as f64 / taps.rate_hz(), 4),
-        taps.rate_hz(),
-        significant(mm_s(first.speed_m_s), 4),
-        significant(mm_s(last.speed_m_s), 4),
-    )
+    let (count, rate_hz) = (taps.taps().len(), taps.rate_hz());
+    let length_ms = significant(1000.0 * taps.length() as f64 / rate_hz, 4);
+    let [first, last] = [first, last].map(|tap| significant(mm_s(tap.speed_m_s), 4));
+    format!("{count} of {length_ms} ms at {rate_hz} Hz, {first} to {last} mm/s{response}{centroid}")
 }
 
 fn describe_texture(texture: &TextureModel) -> String {
@@ -179,15 +175,13 @@ fn describe_texture(texture: &TextureModel) -> String {
         0.0 => order,
         warping => format!("warped {order} (factor {})", significant(warping, 3)),
     };
-    let layers: String =
-        texture.layers().map(|layer| format!("; {}", layer.summary(texture.rate_hz()))).collect();
+    let (models, triangles) = (texture.models().len(), texture.triangles().len());
+    let rate_hz = texture.rate_hz();
+    let layers: String = texture.layers().map(|layer| format!("; {}", layer.summary(rate_hz))).collect();
+    let [speed, force] =
+        [mm_s(texture.max_speed_m_s()), texture.max_force_n()].map(|most| significant(most, 4));
     format!(
-        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{layers}",
-        texture.models().len(),
-        texture.rate_hz(),
-        texture.triangles().len(),
-        significant(mm_s(texture.max_speed_m_s()), 4),
-        significant(texture.max_force_n(), 4),
+        "{models} models {order} at {rate_hz} Hz in {triangles} triangles, to {speed} mm/s and {force} N{layers}"
     )
 }
 
