@@ -5,6 +5,7 @@
 
 mod batch;
 mod bench;
+mod beside;
 mod built;
 mod check;
 mod compare;
@@ -202,12 +203,13 @@ fn commands() -> Vec<Command> {
         Command::new("doctor", doctor::run).example("doctor"),
         Command::new("learn", learn::run)
             .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork")
+            .example("learn canvas.npz -o canvas.ron --method thesis --beside thesis")
             .example("learn recordings -o surfaces --shard 1/8"),
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
         surface_command(),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::shards::run)
-            .example("evaluate recordings --report out/evaluation")
+            .example("evaluate recordings --report out/evaluation --beside thesis")
             .example("evaluate recordings --shard 1/8 -o parts/1.ron")
             .example("evaluate merge parts/1.ron parts/2.ron"),
         Command::new("lsp", lsp::run).example("lsp"),

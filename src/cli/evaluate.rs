@@ -8,6 +8,7 @@ mod takes;
 pub(super) use tables::Centre;
 pub(super) use takes::{TakeFiles, hash, recording_name, take_files};
 
+use super::beside::{Beside, show_with};
 use super::import::{Choices, Import, choice};
 use super::placing::{Force, Output};
 use super::progress::Progress;
@@ -44,7 +45,7 @@ pub(super) struct Arguments {
     /// floor, the thesis's method and five plain baselines; also taps, friction and stiffness by speed and
     /// force. Takes about 4 s for each material with four takes of 6 s on two cores; a terminal shows a
     /// progress bar
-    #[arg(long, conflicts_with = "pooling")]
+    #[arg(long, conflicts_with_all = ["pooling", "beside"])]
     holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory
     #[arg(long, default_value_t = 1, value_parser = super::seed)]
@@ -52,6 +53,8 @@ pub(super) struct Arguments {
     /// Print tables and map as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    beside: Beside,
     #[command(flatten)]
     settings: learning::Settings,
     #[command(flatten)]
@@ -90,7 +93,8 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         None => None,
     };
     let simulated = takes.iter().filter(|take| is_simulated(*take)).count();
-    show(&Tables { found, simulated, recordings: takes.len(), page }, arguments.json)
+    let beside = arguments.beside.rows(|| Ok(tables::beside(&found).0))?;
+    show_with(&Tables { found, simulated, recordings: takes.len(), page }, &beside, arguments.json)
 }
 
 fn run_holdout(arguments: &Arguments, page: Option<&Output>, import: &ImportSettings) -> Result<(), Failure> {

@@ -3,11 +3,12 @@
 mod folder;
 mod summary;
 
+use super::beside::{Beside, show_with};
 use super::import::{Choices, Import, Touch, choice, positive};
 use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
-use super::result::{CommandResult, look_at, show};
+use super::result::{CommandResult, look_at};
 use super::segment::VARIANCES;
 use super::table::facts;
 use super::{Failure, eprint, recording, refuse_overwrite, surface};
@@ -65,6 +66,8 @@ pub(super) struct Arguments {
     #[arg(long)]
     accept_rate: bool,
     #[command(flatten)]
+    beside: Beside,
+    #[command(flatten)]
     folder: folder::Folder,
     #[command(flatten)]
     settings: Settings,
@@ -82,7 +85,7 @@ impl Arguments {
     /// True if a flag is given that applies to one surface only.
     fn has_single(&self) -> bool {
         let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
-        gestures > 0 || self.name.is_some() || self.report.is_some()
+        gestures > 0 || self.name.is_some() || self.report.is_some() || self.beside.beside.is_some()
     }
 
     fn learning(&self) -> LearnSettings {
@@ -261,6 +264,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         warnings.push(said);
     }
     let page = page.map(|page| page.write(crate::report::learning::page(&learned, &report))).transpose()?;
+    let beside = arguments.beside.rows(|| Ok(summary::beside(&learned, &report, &settings).0))?;
     let learned = Learned {
         coverage: summary::coverage(&learned, &report, is_implausible),
         name,
@@ -270,7 +274,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         facts: summary::facts_of(&learned, &report, is_implausible),
         written: [output],
     };
-    show(&learned, arguments.json)
+    show_with(&learned, &beside, arguments.json)
 }
 
 /// A surface learned from recordings.
