@@ -154,11 +154,12 @@ fn surface_command() -> Command {
         .example("surface show graphs/surfaces/t2-canvas.ron")
         .example("surface convert brick.xml brick.ron")
         .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
-        .example("surface select graphs/surfaces --count 3")
+        .example("surface select graphs/surfaces --count 3 --beside thesis")
+        .example("surface convert HaTT fifteen --only thesis-4.4")
         .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
         .example("surface leave-one-out Models10000Hz/XML")
         .example("surface image canvas.png --mm 63.5")
-        .example("surface constants graphs/surfaces")
+        .example("surface constants HaTT --only thesis-4.4")
         .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron")
 }
 

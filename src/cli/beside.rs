@@ -57,6 +57,11 @@ impl Rows {
     }
 }
 
+/// The fifteen surfaces of section 4.4, as the thesis names them.
+pub(super) fn chosen_surfaces() -> impl Iterator<Item = &'static str> {
+    published()["studies"]["4.4"]["surfaces"].as_array().into_iter().flatten().filter_map(Value::as_str)
+}
+
 /// True if `own` names a material of chapters 2 and 3, printed as `T2 Canvas`, by its number, its name or both.
 pub(super) fn is_material(own: &str, printed: &str) -> bool {
     let (number, name) = printed.split_once(' ').unwrap_or_default();

@@ -1,5 +1,6 @@
 //! `haptograph surface headroom`: how often the limits of a graph's actuators act on surfaces, and the gain at which they rarely do.
 
+use super::Surfaces;
 use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{significant, table};
@@ -24,9 +25,8 @@ pub(in crate::cli) struct Arguments {
     /// The graph file
     #[arg(value_name = "GRAPH.ron")]
     graph: PathBuf,
-    /// Surface files
-    #[arg(required = true, value_name = "SURFACE.ron")]
-    surfaces: Vec<PathBuf>,
+    #[command(flatten)]
+    surfaces: Surfaces,
     /// Override a parameter of the graph; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = crate::cli::assignment)]
     set: Vec<(String, String)>,
@@ -213,6 +213,7 @@ fn worst_of(runs: &[OfSurface]) -> f64 {
 /// What is run: the graph, its parameters, its surfaces.
 struct Runs<'a> {
     arguments: &'a Arguments,
+    surfaces: &'a [PathBuf],
     registry: &'a Registry,
     /// The parameter of the gain and its value.
     gain: Option<(String, f64)>,
@@ -234,7 +235,7 @@ impl Runs<'_> {
 
     /// The headroom of all surfaces.
     fn all(&self, factor: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Vec<OfSurface>, Failure> {
-        let surfaces = self.arguments.surfaces.iter();
+        let surfaces = self.surfaces.iter();
         parallel::try_map(parallel::cores(), surfaces, progress, |surface| self.of(surface, factor))
     }
 
@@ -263,8 +264,8 @@ impl Runs<'_> {
 
 pub(in crate::cli) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph().refuse_repeated()?;
-    let (gain, stop) = (arguments.gain()?, interrupt::flag()?);
-    let runs = Runs { arguments, registry, gain, stop: &stop };
+    let (gain, stop, surfaces) = (arguments.gain()?, interrupt::flag()?, arguments.surfaces.files()?);
+    let runs = Runs { arguments, surfaces: &surfaces, registry, gain, stop: &stop };
     let surfaces = Progress::during("running", |at| runs.all(1.0, at))?;
     let gain = runs.gain.as_ref().map(|(parameter, value)| {
         let factor = runs.factor(worst_of(&surfaces))?;
@@ -349,6 +350,7 @@ impl CommandResult for Shown {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Only;
     use super::*;
 
     /// A sine of amplitude 1 A, times `gain`, at a peak limit of 0.5 A.
@@ -369,7 +371,7 @@ mod tests {
         std::fs::write(&graph, SINE).unwrap();
         let arguments = Arguments {
             graph,
-            surfaces: vec!["a.ron".into(), "b.ron".into()],
+            surfaces: Surfaces { paths: vec!["a.ron".into(), "b.ron".into()], only: Only { only: None } },
             set: Vec::new(),
             parameter: "surface".to_owned(),
             gain: None,
@@ -380,7 +382,9 @@ mod tests {
         let stop = AtomicBool::new(false);
         let gain = arguments.gain().unwrap();
         assert_eq!(gain, Some(("gain".to_owned(), 1.0)));
-        let mut runs = Runs { arguments: &arguments, registry: &registry, gain, stop: &stop };
+        let surfaces = arguments.surfaces.files().unwrap();
+        let mut runs =
+            Runs { arguments: &arguments, surfaces: &surfaces, registry: &registry, gain, stop: &stop };
         let all = runs.all(1.0, &|_| ()).unwrap();
         let [one] = &all[0].actuators[..] else { panic!("two actuators") };
         // |sin| > 1/2 for two thirds of a turn.
