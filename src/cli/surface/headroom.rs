@@ -13,7 +13,7 @@ use crate::engine::run::{ActuatorReport, Player, SessionOptions};
 use crate::signal::parallel;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Show how often the limits of the actuators act on surfaces, and the gain at which they rarely do
@@ -205,80 +205,67 @@ pub(in crate::cli) fn text_of<'a>(
     format!("ticks in which a limit acts, in {seconds} s of the graph's simulated hands\n{table}")
 }
 
-/// The largest share of the actuators of several runs.
-fn worst_of(runs: &[OfSurface]) -> f64 {
-    runs.iter().flat_map(|run| &run.actuators).map(|one| one.share).fold(0.0, f64::max)
-}
-
-/// What is run: the graph, its parameters, its surfaces.
-struct Runs<'a> {
-    arguments: &'a Arguments,
-    surfaces: &'a [PathBuf],
-    registry: &'a Registry,
-    /// The parameter of the gain and its value.
-    gain: Option<(String, f64)>,
-    stop: &'a AtomicBool,
-}
-
-impl Runs<'_> {
-    /// The headroom of a surface with the gain times a factor.
-    fn of(&self, surface: &Path, factor: f64) -> Result<OfSurface, Failure> {
-        let mut graph = self.arguments.graph();
-        let file = std::path::absolute(surface).map_err(Failure::doing("find", surface))?;
-        // The last value of a parameter counts.
-        graph.set.push((self.arguments.parameter.clone(), file.display().to_string()));
-        graph.set.extend(self.gain.iter().map(|(name, value)| (name.clone(), (value * factor).to_string())));
-        let graph = graph.load(self.registry, None).map_err(Failure::Graph)?;
-        let actuators = headroom_of(&graph, self.arguments.duration_s, self.stop)?;
-        Ok(OfSurface { actuators, surface: surface.to_owned() })
-    }
-
-    /// The headroom of all surfaces.
-    fn all(&self, factor: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Vec<OfSurface>, Failure> {
-        let surfaces = self.surfaces.iter();
-        parallel::try_map(parallel::cores(), surfaces, progress, |surface| self.of(surface, factor))
-    }
-
-    /// The largest factor of the gain within [`FACTORS`] at which no surface is limited in more ticks than allowed; `None` if the
-    /// smallest one does not suffice. `share` is that of the gain as it is.
-    fn factor(&self, share: f64) -> Result<Option<f64>, Failure> {
-        let _progress = Progress::unknown("scaling");
-        let is_allowed = |share: f64| share <= self.arguments.most / 100.0;
-        let is_within = |factor: f64| Ok::<_, Failure>(is_allowed(worst_of(&self.all(factor, &|_| ())?)));
-        let step = if is_allowed(share) { 2.0 } else { 0.5 };
-        let mut next = step;
-        while is_within(next)? == is_allowed(share) {
-            next *= step;
-            if !(FACTORS[0]..=FACTORS[1]).contains(&next) {
-                return Ok(is_allowed(share).then_some(FACTORS[1]));
-            }
+/// The largest factor within [`FACTORS`] for which `is_allowed`; `None` if there is none. `is_allowed_now` is that of 1.
+fn largest_factor(
+    is_allowed_now: bool,
+    is_allowed: impl Fn(f64) -> Result<bool, Failure>,
+) -> Result<Option<f64>, Failure> {
+    let step = if is_allowed_now { 2.0 } else { 0.5 };
+    let mut next = step;
+    while is_allowed(next)? == is_allowed_now {
+        next *= step;
+        if !(FACTORS[0]..=FACTORS[1]).contains(&next) {
+            return Ok(is_allowed_now.then_some(FACTORS[1]));
         }
-        let (mut low, mut high) = (next.min(next / step), next.max(next / step));
-        while high / low > PRECISION {
-            let middle = (low * high).sqrt();
-            *(if is_within(middle)? { &mut low } else { &mut high }) = middle;
-        }
-        Ok(Some(low))
     }
+    let (mut low, mut high) = (next.min(next / step), next.max(next / step));
+    while high / low > PRECISION {
+        let middle = (low * high).sqrt();
+        *(if is_allowed(middle)? { &mut low } else { &mut high }) = middle;
+    }
+    Ok(Some(low))
 }
 
 pub(in crate::cli) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph().refuse_repeated()?;
-    let (gain, stop, surfaces) = (arguments.gain()?, interrupt::flag()?, arguments.surfaces.files()?);
-    let runs = Runs { arguments, surfaces: &surfaces, registry, gain, stop: &stop };
-    let surfaces = Progress::during("running", |at| runs.all(1.0, at))?;
-    let gain = runs.gain.as_ref().map(|(parameter, value)| {
-        let factor = runs.factor(worst_of(&surfaces))?;
-        let scaled = factor.map(|factor| factor * value);
-        Ok::<_, Failure>(Gain { factor, parameter: parameter.clone(), scaled, value: *value })
-    });
-    let (gain, most_percent, seconds) = (gain.transpose()?, arguments.most, arguments.duration_s);
-    show(&Shown { gain, most_percent, seconds, surfaces }, arguments.json)
+    let stop = interrupt::flag()?;
+    show(&arguments.measure(registry, &stop)?, arguments.json)
 }
 
 impl Arguments {
     fn graph(&self) -> GraphArguments {
         GraphArguments { graph: self.graph.clone(), set: self.set.clone(), endpoints: None }
+    }
+
+    /// Runs the graph with all surfaces, and searches the gain.
+    fn measure(&self, registry: &Registry, stop: &AtomicBool) -> Result<Shown, Failure> {
+        let (gain, files) = (self.gain()?, self.surfaces.files()?);
+        let run = |surface: &PathBuf, factor: f64| {
+            let mut graph = self.graph();
+            let file = std::path::absolute(surface).map_err(Failure::doing("find", surface))?;
+            // The last value of a parameter counts.
+            graph.set.push((self.parameter.clone(), file.display().to_string()));
+            graph.set.extend(gain.iter().map(|(name, value)| (name.clone(), (value * factor).to_string())));
+            let graph = graph.load(registry, None).map_err(Failure::Graph)?;
+            let actuators = headroom_of(&graph, self.duration_s, stop)?;
+            Ok(OfSurface { actuators, surface: surface.clone() })
+        };
+        let all = |factor: f64, at: &(dyn Fn(f64) + Sync)| {
+            parallel::try_map(parallel::cores(), &files, at, |surface| run(surface, factor))
+        };
+        let is_allowed = |runs: &[OfSurface]| {
+            let mut shares = runs.iter().flat_map(|run| &run.actuators).map(|one| one.share);
+            shares.all(|share| share <= self.most / 100.0)
+        };
+        let surfaces = Progress::during("running", |at| all(1.0, at))?;
+        let scale = |(parameter, value): &(String, f64)| {
+            let _progress = Progress::unknown("scaling");
+            let factor = largest_factor(is_allowed(&surfaces), |by| Ok(is_allowed(&all(by, &|_| ())?)))?;
+            let scaled = factor.map(|factor| factor * value);
+            Ok::<_, Failure>(Gain { factor, parameter: parameter.clone(), scaled, value: *value })
+        };
+        let gain = gain.as_ref().map(scale).transpose()?;
+        Ok(Shown { gain, most_percent: self.most, seconds: self.duration_s, surfaces })
     }
 
     /// The parameter that scales what the actuators are asked for, and its value.
@@ -369,7 +356,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let graph = folder.path().join("sine.ron");
         std::fs::write(&graph, SINE).unwrap();
-        let arguments = Arguments {
+        let mut arguments = Arguments {
             graph,
             surfaces: Surfaces { paths: vec!["a.ron".into(), "b.ron".into()], only: Only { only: None } },
             set: Vec::new(),
@@ -380,30 +367,27 @@ mod tests {
             json: false,
         };
         let stop = AtomicBool::new(false);
-        let gain = arguments.gain().unwrap();
-        assert_eq!(gain, Some(("gain".to_owned(), 1.0)));
-        let surfaces = arguments.surfaces.files().unwrap();
-        let mut runs =
-            Runs { arguments: &arguments, surfaces: &surfaces, registry: &registry, gain, stop: &stop };
-        let all = runs.all(1.0, &|_| ()).unwrap();
-        let [one] = &all[0].actuators[..] else { panic!("two actuators") };
+        let mut with = |gain: &str| {
+            arguments.set = vec![("gain".to_owned(), gain.to_owned())];
+            let Shown { gain, surfaces, .. } = arguments.measure(&registry, &stop)?;
+            let [_, OfSurface { actuators, .. }] = &surfaces[..] else { panic!("two surfaces") };
+            Ok::<_, Failure>((actuators[0].clone(), gain.unwrap().factor))
+        };
+        let (one, factor) = with("1.0").unwrap();
         // |sin| > 1/2 for two thirds of a turn.
         assert!((one.share - 2.0 / 3.0).abs() < 1e-3 && one.share == one.peak, "{one:?}");
         assert!((one.largest_over_peak - 2.0).abs() < 1e-3 && one.worst.is_none(), "{one:?}");
         // 1 % of a turn is above cos(0.005 pi) of the amplitude: half the gain, within the precision of the search.
-        let factor = runs.factor(one.share).unwrap().unwrap();
         let limit = 0.5 / (0.005 * std::f64::consts::PI).cos();
-        assert!(factor <= limit + 1e-6 && factor > limit / PRECISION, "{factor} {limit}");
+        let is_it = |factor: f64, limit: f64| factor <= limit + 1e-5 && factor > limit / PRECISION;
+        assert!(is_it(factor.unwrap(), limit), "{factor:?} {limit}");
         // From below the same.
-        runs.gain = Some(("gain".to_owned(), 0.1));
-        let factor = runs.factor(worst_of(&runs.all(1.0, &|_| ()).unwrap())).unwrap().unwrap();
-        assert!(factor <= 10.0 * limit + 1e-5 && factor > 10.0 * limit / PRECISION, "{factor}");
+        let (_, factor) = with("0.1").unwrap();
+        assert!(is_it(factor.unwrap(), 10.0 * limit), "{factor:?}");
         // Beyond both ends.
-        runs.gain = Some(("gain".to_owned(), 1e-3));
-        assert_eq!(runs.factor(0.0).unwrap(), Some(FACTORS[1]));
-        runs.gain = Some(("gain".to_owned(), 1e3));
-        assert_eq!(runs.factor(1.0).unwrap(), None);
+        assert_eq!(with("0.001").unwrap().1, Some(FACTORS[1]));
+        assert_eq!(with("1000").unwrap().1, None);
         stop.store(true, Ordering::Relaxed);
-        assert!(matches!(runs.all(1.0, &|_| ()), Err(Failure::Interrupted)));
+        assert!(matches!(with("1.0"), Err(Failure::Interrupted)));
     }
 }
