@@ -5,6 +5,7 @@
 
 mod batch;
 mod bench;
+mod beside;
 mod built;
 mod check;
 mod compare;
@@ -153,11 +154,12 @@ fn surface_command() -> Command {
         .example("surface show graphs/surfaces/t2-canvas.ron")
         .example("surface convert brick.xml brick.ron")
         .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
-        .example("surface select graphs/surfaces --count 3")
+        .example("surface select graphs/surfaces --count 3 --beside thesis")
+        .example("surface convert HaTT fifteen --only thesis-4.4")
         .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
         .example("surface leave-one-out Models10000Hz/XML")
         .example("surface image canvas.png --mm 63.5")
-        .example("surface constants graphs/surfaces")
+        .example("surface constants HaTT --only thesis-4.4")
         .example("surface headroom graphs/texturepad.ron graphs/surfaces/t2-canvas.ron graphs/surfaces/t3-tile.ron")
 }
 
@@ -202,12 +204,13 @@ fn commands() -> Vec<Command> {
         Command::new("doctor", doctor::run).example("doctor"),
         Command::new("learn", learn::run)
             .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork")
+            .example("learn canvas.npz -o canvas.ron --method thesis --beside thesis")
             .example("learn recordings -o surfaces --shard 1/8"),
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
         surface_command(),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::shards::run)
-            .example("evaluate recordings --report out/evaluation")
+            .example("evaluate recordings --report out/evaluation --beside thesis")
             .example("evaluate recordings --shard 1/8 -o parts/1.ron")
             .example("evaluate merge parts/1.ron parts/2.ron"),
         Command::new("lsp", lsp::run).example("lsp"),

@@ -106,20 +106,22 @@ pub enum SoundcardError {
 
 /// A soundcard of this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "supervisor", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Listed {
-    /// Name for the setting `device`.
-    pub name: String,
     /// Long name.
     pub about: String,
-    /// Playback, if the card supports it.
-    pub plays: Option<Ability>,
     /// Capture, if the card supports it.
     pub listens: Option<Ability>,
+    /// Name for the setting `device`.
+    pub name: String,
+    /// Playback, if the card supports it.
+    pub plays: Option<Ability>,
 }
 
 /// The capabilities of a card in one direction.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "supervisor", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Ability {
     /// True if the card is the system's default.

@@ -134,9 +134,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
         threads: arguments.threads.map_or(usual.threads, usize::from),
     };
     let stop = run::stop_on_interrupt()?;
-    let progress = Progress::of("rendering");
-    let done = batch::render(batch, folder, &settings, &|part| progress.at(part), &stop);
-    drop(progress);
+    let done = Progress::during("rendering", |at| batch::render(batch, folder, &settings, at, &stop));
     let done = done.map_err(Failure::message)?;
     for (path, why) in &done.replaced {
         eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
@@ -185,10 +183,8 @@ impl CommandResult for Joined {
 }
 
 fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
-    let progress = Progress::of("merging");
-    let merged = batch::merge(parts, output, &|part| progress.at(part));
-    drop(progress);
-    let merged = merged.map_err(Failure::message)?;
+    let merged =
+        Progress::during("merging", |at| batch::merge(parts, output, at)).map_err(Failure::message)?;
     show(&Joined { merged, parts: parts.len() }, json)
 }
 
@@ -196,11 +192,8 @@ fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -
     let batch = Batch::load(plan).map_err(|error| shown(&error))?;
     let of = batch.jobs();
     if let Some(job) = jobs.iter().find(|job| **job >= of) {
-        let last = of - 1;
-        return Err(Failure::Message(format!(
-            "{} has no job {job}; its jobs are 0 to {last}",
-            plan.display()
-        )));
+        let (plan, last) = (plan.display(), of - 1);
+        return Err(Failure::Message(format!("{plan} has no job {job}; its jobs are 0 to {last}")));
     }
     make_folder(folder)?;
     let stop = run::stop_on_interrupt()?;

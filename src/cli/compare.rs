@@ -18,6 +18,7 @@ use crate::learning::recording::ImportSettings;
 use crate::report::pair::Pair;
 use serde::Serialize;
 use signal::{Motion, Signal};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Compare two vibrations by third octaves and by windows
@@ -72,12 +73,8 @@ fn deviations(text: &str) -> Result<Deviations, String> {
 /// The measures of a pair: those of windows under their names in the thesis and, like all other fields, in lower case.
 #[derive(Serialize)]
 struct Measures {
-    #[serde(rename = "NSE")]
-    thesis_nse: f64,
-    #[serde(rename = "PE")]
-    thesis_pe: f64,
-    #[serde(rename = "SD")]
-    thesis_sd: Option<f64>,
+    #[serde(flatten)]
+    thesis: BTreeMap<&'static str, Option<f64>>,
     absolute_db: f64,
     bands: Vec<BandError>,
     /// Distance between the levels of two noises with the spectrum of a file.
@@ -200,9 +197,7 @@ fn measures(
     let references = level_references([a, b], motions, rate_hz);
     let sd = arguments.deviations.map(|by| windows.nse / by.nse + windows.pe / by.pe);
     Ok(Measures {
-        thesis_nse: windows.nse,
-        thesis_pe: windows.pe,
-        thesis_sd: sd,
+        thesis: [("NSE", Some(windows.nse)), ("PE", Some(windows.pe)), ("SD", sd)].into(),
         absolute_db: errors.absolute_db,
         bands: by_band.map(|(band, db)| BandError { centre_hz: band.centre_hz, error_db: *db }).collect(),
         envelope_between_seeds_db: references.map(|(_, between_seeds_db)| between_seeds_db),

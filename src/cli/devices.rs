@@ -5,7 +5,7 @@ use super::built::how_to_build;
 use super::result::{CommandResult, show};
 use crate::engine::registry::Registry;
 use crate::live::midi::{self, midi_ports};
-use crate::live::soundcard::{self, Ability, Listed, SoundcardError, list};
+use crate::live::soundcard::{self, Listed, SoundcardError, list};
 use crate::live::{BackendEntry, evdev, serial};
 use crate::signal::files;
 use serde::Serialize;
@@ -31,12 +31,10 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let found = Found {
         formats: arguments.formats,
         midi: midi_ports(),
-        missing_features: { BACKENDS.iter().filter(|backend| !backend.is_built) }
-            .map(|backend| backend.feature)
-            .collect(),
+        missing_features: BACKENDS.iter().filter(|of| !of.is_built).map(|of| of.feature).collect(),
         pointers: paths("/dev/input/by-id", "-event-mouse"),
         serial: paths("/dev/serial/by-id", ""),
-        soundcards: found.into_iter().map(Card::from).collect(),
+        soundcards: found,
     };
     show(&found, arguments.json)
 }
@@ -53,30 +51,7 @@ struct Found {
     missing_features: Vec<&'static str>,
     pointers: Vec<String>,
     serial: Vec<String>,
-    soundcards: Vec<Card>,
-}
-
-#[derive(Serialize)]
-struct Card {
-    about: String,
-    listens: Option<Direction>,
-    name: String,
-    plays: Option<Direction>,
-}
-
-/// What a card can do in one direction.
-#[derive(Serialize)]
-struct Direction {
-    default: bool,
-    formats: Vec<String>,
-}
-
-impl From<Listed> for Card {
-    fn from(card: Listed) -> Self {
-        let direction = |ability: Ability| Direction { default: ability.default, formats: ability.formats };
-        let Listed { name, about, plays, listens, .. } = card;
-        Self { about, listens: listens.map(direction), name, plays: plays.map(direction) }
-    }
+    soundcards: Vec<Listed>,
 }
 
 impl CommandResult for Found {
@@ -116,7 +91,7 @@ fn paths(folder: &str, ending: &str) -> Vec<String> {
     paths
 }
 
-fn shown(card: &Card, formats: bool) -> String {
+fn shown(card: &Listed, formats: bool) -> String {
     let mut text = card.name.clone();
     if !card.about.is_empty() && card.about != card.name {
         // Some systems describe a card in several lines.

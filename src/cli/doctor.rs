@@ -94,14 +94,16 @@ fn limits(text: &str) -> [Finding; 2] {
         ),
         Finding::new(
             "locked memory",
-            match locked.parse() {
-                Ok(count) => bytes(count),
-                Err(_) => locked.to_owned(),
-            },
+            locked.parse().map_or_else(|_| locked.to_owned(), bytes),
             locked == "unlimited",
             "write `@audio - memlock unlimited` to /etc/security/limits.d/haptograph.conf, and log in again",
         ),
     ]
+}
+
+/// The names, or what stands for none.
+fn listed<S: std::borrow::Borrow<str>>(names: &[S], separator: &str, none: &str) -> String {
+    if names.is_empty() { none.to_owned() } else { names.join(separator) }
 }
 
 /// Finds the folders of crashed runs, in the current folder and in `out`.
@@ -109,13 +111,9 @@ fn leftovers() -> Finding {
     let mut found = dead_in(Path::new("."));
     found.extend(dead_in(Path::new("out")));
     let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
-    let shown = match names.as_slice() {
-        [] => "none here and in out".to_owned(),
-        names => names.join(", "),
-    };
     Finding::new(
         "crashed runs",
-        shown,
+        listed(&names, ", ", "none here and in out"),
         names.is_empty(),
         "`haptograph recover FOLDER` repairs the files of a crashed run; remove the folders that you do not need",
     )
@@ -143,13 +141,9 @@ fn governors(cpus: &Path) -> Finding {
     found.sort();
     found.dedup();
     let fixed = found.iter().all(|governor| governor == "performance");
-    let shown = match found.as_slice() {
-        [] => "unknown: the system does not report it".to_owned(),
-        found => found.join(", "),
-    };
     Finding::new(
         "processor clock",
-        shown,
+        listed(&found, ", ", "unknown: the system does not report it"),
         fixed,
         "set the governor before a live run: `sudo cpupower frequency-set -g performance`",
     )
@@ -177,13 +171,9 @@ fn cards(text: &str) -> Finding {
     // Two lines per card; the first is ` 0 [PCH            ]: HDA-Intel - HDA Intel PCH`.
     let names: Vec<&str> =
         text.lines().filter_map(|line| line.split_once("]: ")).map(|(_, name)| name).collect();
-    let shown = match names.as_slice() {
-        [] => "none".to_owned(),
-        names => names.join("; "),
-    };
     Finding::new(
         "soundcards",
-        shown,
+        listed(&names, "; ", "none"),
         !names.is_empty(),
         "connect one; until then graphs run offline and with simulated devices",
     )
@@ -193,19 +183,10 @@ fn servers() -> Finding {
     let run = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).unwrap_or_default();
     let jack = std::env::var_os("PATH")
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join("jackd").exists()));
-    let found: Vec<&str> = [
-        ("PipeWire", run.join("pipewire-0").exists()),
-        ("PulseAudio", run.join("pulse/native").exists()),
-        ("JACK (installed)", jack),
-    ]
-    .into_iter()
-    .filter_map(|(name, there)| there.then_some(name))
-    .collect();
-    let shown = match found.as_slice() {
-        [] => "none: ALSA alone, the lowest latency".to_owned(),
-        found => found.join(", "),
-    };
-    Finding::new("sound servers", shown, true, "")
+    let (pipewire, pulse) = (run.join("pipewire-0").exists(), run.join("pulse/native").exists());
+    let all = [("PipeWire", pipewire), ("PulseAudio", pulse), ("JACK (installed)", jack)];
+    let found: Vec<&str> = all.into_iter().filter_map(|(name, there)| there.then_some(name)).collect();
+    Finding::new("sound servers", listed(&found, ", ", "none: ALSA alone, the lowest latency"), true, "")
 }
 
 fn headers() -> Finding {

@@ -8,7 +8,8 @@ mod takes;
 pub(super) use tables::Centre;
 pub(super) use takes::{TakeFiles, hash, recording_name, take_files};
 
-use super::import::Import;
+use super::beside::{Beside, show_with};
+use super::import::{Choices, Import, choice};
 use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::result::show;
@@ -19,7 +20,6 @@ use crate::learning::learn::{LearnSettings, learn};
 use crate::learning::metrics::Pooling;
 use crate::learning::recording::{AnyRecording, Gesture, ImportSettings};
 use crate::surfaces::Origin;
-use clap::ValueEnum;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use tables::Tables;
@@ -36,16 +36,16 @@ pub(super) struct Arguments {
     report: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// The windows whose deviations scale the spectral difference: those of the compared pair, or those of
-    /// all pairs. Textures and materials are shown by both, the chosen one first
-    #[arg(long, value_enum, default_value = "all")]
-    pooling: PoolingArgument,
+    /// The windows whose deviations scale the spectral difference. Textures and materials are shown by both, the chosen
+    /// one first
+    #[arg(long, value_parser = choice(POOLINGS), default_value = "all")]
+    pooling: Pooling,
     /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes),
     /// test on the rest, and show all measures, of the powers averaged over seeds and of single seeds, beside a
     /// floor, the thesis's method and five plain baselines; also taps, friction and stiffness by speed and
     /// force. Takes about 4 s for each material with four takes of 6 s on two cores; a terminal shows a
     /// progress bar
-    #[arg(long, conflicts_with = "pooling")]
+    #[arg(long, conflicts_with_all = ["pooling", "beside"])]
     holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory
     #[arg(long, default_value_t = 1, value_parser = super::seed)]
@@ -54,22 +54,23 @@ pub(super) struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    beside: Beside,
+    #[command(flatten)]
     settings: learning::Settings,
     #[command(flatten)]
     import: Import,
 }
+
+const POOLINGS: Choices<Pooling> = &[
+    ("pair", Pooling::Pair, "The windows of the compared pair"),
+    ("all", Pooling::All, "The windows of all pairs"),
+];
 
 impl Arguments {
     /// The folder of recordings. Clap requires it if there is no subcommand.
     fn dir(&self) -> &Path {
         self.dir.as_deref().unwrap_or(Path::new("."))
     }
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum PoolingArgument {
-    Pair,
-    All,
 }
 
 pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -80,24 +81,20 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     }
     let takes = list_takes(arguments.dir(), &import)?;
     let settings = study_settings(arguments);
-    let progress = Progress::of("evaluating");
-    let study = Study::of(&takes);
-    let found = study.and_then(|study| study.evaluate(&settings, &|part| progress.at(part)));
-    let found = found.map_err(|error| match error {
+    let evaluate = |study: Study| Progress::during("evaluating", |at| study.evaluate(&settings, at));
+    let found = Study::of(&takes).and_then(evaluate).map_err(|error| {
         // Hold-out needs only one take per material, since it tests on parts of it.
-        StudyError::NoTest { .. } => {
-            let error = format!("{error}; or --holdout, which tests on parts of each take");
-            Failure::file("evaluate", arguments.dir(), &error)
-        }
-        error => Failure::file("evaluate", arguments.dir(), &error),
+        let is_for_holdout = matches!(error, StudyError::NoTest { .. });
+        let more = if is_for_holdout { "; or --holdout, which tests on parts of each take" } else { "" };
+        Failure::file("evaluate", arguments.dir(), &format!("{error}{more}"))
     })?;
-    drop(progress);
     let page = match &page {
         Some(page) => Some(write_report(page, arguments, &takes, &found)?),
         None => None,
     };
     let simulated = takes.iter().filter(|take| is_simulated(*take)).count();
-    show(&Tables { found, simulated, recordings: takes.len(), page }, arguments.json)
+    let beside = arguments.beside.rows(|| Ok(tables::beside(&found).0))?;
+    show_with(&Tables { found, simulated, recordings: takes.len(), page }, &beside, arguments.json)
 }
 
 fn run_holdout(arguments: &Arguments, page: Option<&Output>, import: &ImportSettings) -> Result<(), Failure> {
@@ -154,23 +151,16 @@ fn write_report(
     let progress = Progress::of("drawing");
     let mut learned = vec![];
     for (number, material) in found.materials.iter().enumerate() {
-        let mut drags = 0;
-        let chosen = takes
+        let own = takes
             .iter()
             .filter(|take| take.name().material == *material && take.name().person == found.expert);
-        let chosen = chosen.filter(|take| {
-            let drag = take.gesture() == Gesture::Drag;
-            drags += usize::from(drag);
-            !drag || drags == 1
-        });
-        let recordings = chosen.map(|take| take.load().map(Cow::into_owned));
-        let recordings = recordings.collect::<Result<Vec<AnyRecording>, String>>();
-        let recordings = recordings.map_err(Failure::Message)?;
+        let (drags, others): (Vec<_>, Vec<_>) = own.partition(|take| take.gesture() == Gesture::Drag);
+        let recordings = drags.iter().take(1).chain(&others).map(|take| take.load().map(Cow::into_owned));
+        let recordings =
+            recordings.collect::<Result<Vec<AnyRecording>, String>>().map_err(Failure::Message)?;
         let one = learn(material, &recordings, &settings, &|_| ());
         let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
-        for missing in &one.1.missing {
-            eprint(&format!("warning: {missing}\n"));
-        }
+        one.1.missing.iter().for_each(|missing| eprint(&format!("warning: {missing}\n")));
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
@@ -178,14 +168,10 @@ fn write_report(
 }
 
 fn study_settings(arguments: &Arguments) -> StudySettings {
-    let pooling = match arguments.pooling {
-        PoolingArgument::Pair => Pooling::Pair,
-        PoolingArgument::All => Pooling::All,
-    };
     StudySettings {
         processing: arguments.settings.processing(),
         texture: arguments.settings.texture(),
-        ..seeded(pooling, arguments.seed)
+        ..seeded(arguments.pooling, arguments.seed)
     }
 }
 

@@ -132,13 +132,10 @@ struct Resonance {
 
 fn parameters(model: &TwoMassSettings) -> Value {
     json!({
-        "force_n_per_a": model.force_n_per_a,
-        "magnet_g": model.magnet_g.0,
+        "force_n_per_a": model.force_n_per_a, "magnet_g": model.magnet_g.0,
         "suspension_n_per_mm": model.suspension_n_per_mm.0,
-        "suspension_n_s_per_m": model.suspension_n_s_per_m,
-        "body_g": model.body_g.0,
-        "hand_n_per_mm": model.hand_n_per_mm.0,
-        "hand_n_s_per_m": model.hand_n_s_per_m,
+        "suspension_n_s_per_m": model.suspension_n_s_per_m, "body_g": model.body_g.0,
+        "hand_n_per_mm": model.hand_n_per_mm.0, "hand_n_s_per_m": model.hand_n_s_per_m,
     })
 }
 
@@ -146,17 +143,12 @@ impl CommandResult for Fit {
     const INDENTED: bool = true;
 
     fn text(&self) -> String {
-        let [high, low] = &self.resonances;
+        let Self { resonances: [high, low], gain_m_s2_per_a: gain, .. } = self;
+        let (delay_ms, unexplained_percent) = (self.delay_s * 1e3, self.unexplained * 100.0);
         let mut text = format!(
             "resonances {:.1} Hz (Q {:.2}) and {:.1} Hz (Q {:.2})\n\
-             gain above them {:.1} m/s2 per A, delay {:.2} ms; {:.2} % of the power in the band is left unexplained\n",
-            high.frequency_hz,
-            high.q,
-            low.frequency_hz,
-            low.q,
-            self.gain_m_s2_per_a,
-            self.delay_s * 1e3,
-            self.unexplained * 100.0,
+             gain above them {gain:.1} m/s2 per A, delay {delay_ms:.2} ms; {unexplained_percent:.2} % of the power in the band is left unexplained\n",
+            high.frequency_hz, high.q, low.frequency_hz, low.q
         );
         if self.simulated {
             text += "of a simulated actuator\n";

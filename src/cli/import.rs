@@ -3,6 +3,7 @@
 use crate::engine::settings::closest;
 use crate::learning::recording::{ImportSettings, QUANTITIES};
 use crate::surfaces::provenance::{LICENCE, TOUCH, check_touch};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::ops::RangeInclusive;
 
 /// Flags for reading the tables of other data loggers.
@@ -77,6 +78,16 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 /// A number within a range; `refusal` says what is expected.
 pub(super) fn number(text: &str, range: RangeInclusive<f64>, refusal: &str) -> Result<f64, String> {
     text.parse().ok().filter(|value| range.contains(value)).ok_or_else(|| refusal.to_owned())
+}
+
+/// Values of a flag with their names and help.
+pub(super) type Choices<T> = &'static [(&'static str, T, &'static str)];
+
+/// The parser of a flag with such values.
+pub(super) fn choice<T: Copy + Send + Sync>(all: Choices<T>) -> impl TypedValueParser<Value = T> {
+    let values = all.iter().map(|(name, _, help)| PossibleValue::new(name).help(help));
+    let value = |name: String| all.iter().find(|(known, ..)| *known == name).map(|(_, value, _)| *value);
+    PossibleValuesParser::new(values).try_map(move |name| value(name).ok_or(""))
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {

@@ -3,16 +3,18 @@
 mod folder;
 mod summary;
 
-use super::import::{Import, Touch, positive};
+use super::beside::{Beside, show_with};
+use super::import::{Choices, Import, Touch, choice, positive};
 use super::placing::{Force, Output};
 use super::progress::Progress;
 use super::recording::Loaded;
-use super::result::{CommandResult, look_at, show};
+use super::result::{CommandResult, look_at};
+use super::segment::VARIANCES;
 use super::table::facts;
-use super::{Failure, eprint, recording, refuse_overwrite, segment, surface};
+use super::{Failure, eprint, recording, refuse_overwrite, surface};
 use crate::engine::registry::Registry;
 use crate::learning::learn::law::LawSettings;
-use crate::learning::learn::segmentation::SegmentationSettings;
+use crate::learning::learn::segmentation::{SegmentationSettings, VarianceEstimate};
 use crate::learning::learn::texture::{CoefficientFit, TextureSettings};
 use crate::learning::learn::{LearnError, LearnSettings, TextureMethod, learn};
 use crate::learning::processing::{AxisReduction, ProcessingSettings};
@@ -64,6 +66,8 @@ pub(super) struct Arguments {
     #[arg(long)]
     accept_rate: bool,
     #[command(flatten)]
+    beside: Beside,
+    #[command(flatten)]
     folder: folder::Folder,
     #[command(flatten)]
     settings: Settings,
@@ -81,7 +85,7 @@ impl Arguments {
     /// True if a flag is given that applies to one surface only.
     fn has_single(&self) -> bool {
         let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
-        gestures > 0 || self.name.is_some() || self.report.is_some()
+        gestures > 0 || self.name.is_some() || self.report.is_some() || self.beside.beside.is_some()
     }
 
     fn learning(&self) -> LearnSettings {
@@ -98,8 +102,8 @@ impl Arguments {
 #[derive(Debug, clap::Args)]
 pub(super) struct Settings {
     /// The reduction of the three axes of acceleration to one
-    #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
-    reduction: Reduction,
+    #[arg(long, value_parser = choice(REDUCTIONS), default_value = "dft321")]
+    reduction: AxisReduction,
     /// Resample vibrations to this rate first; default: their own rate. At a lower rate models of the same
     /// order resolve lower frequencies
     #[arg(long = "rate", value_name = "HZ")]
@@ -121,11 +125,11 @@ pub(super) struct Settings {
     #[arg(long, value_name = "P", default_value_t = 20)]
     max_order: usize,
     /// The estimator of a segment's innovation variance during the search for breaks (thesis's method)
-    #[arg(long, value_enum, default_value_t = segment::Variance::LeastSquares)]
-    variance: segment::Variance,
+    #[arg(long, value_parser = choice(VARIANCES), default_value = "least-squares")]
+    variance: VarianceEstimate,
     /// The estimator of a segment's coefficients (thesis's method)
-    #[arg(long, value_enum, default_value_t = Fit::YuleWalker)]
-    fit: Fit,
+    #[arg(long, value_parser = choice(FITS), default_value = "yule-walker")]
+    fit: CoefficientFit,
     /// Keep outlier models (thesis's method)
     #[arg(long)]
     keep_outliers: bool,
@@ -134,23 +138,31 @@ pub(super) struct Settings {
     no_clips: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Reduction {
-    /// Spectral: the energy of all axes, the phase of their sum; the thesis's method
-    Dft321,
-    /// The sum of the axes
-    Sum,
-    /// The first axis
-    X,
-    /// The second axis
-    Y,
-    /// The third axis
-    Z,
-    /// The projection on the direction of greatest variance
-    PrincipalComponent,
-    /// The magnitude of the vector at each instant
-    VectorMagnitude,
-}
+const REDUCTIONS: Choices<AxisReduction> = &[
+    (
+        "dft321",
+        AxisReduction::Dft321,
+        "Spectral: the energy of all axes, the phase of their sum; the thesis's method",
+    ),
+    ("sum", AxisReduction::Sum, "The sum of the axes"),
+    ("x", AxisReduction::SingleAxis(0), "The first axis"),
+    ("y", AxisReduction::SingleAxis(1), "The second axis"),
+    ("z", AxisReduction::SingleAxis(2), "The third axis"),
+    (
+        "principal-component",
+        AxisReduction::PrincipalComponent,
+        "The projection on the direction of greatest variance",
+    ),
+    ("vector-magnitude", AxisReduction::VectorMagnitude, "The magnitude of the vector at each instant"),
+];
+const FITS: Choices<CoefficientFit> = &[
+    (
+        "yule-walker",
+        CoefficientFit::YuleWalker,
+        "Autocovariance and Levinson-Durbin recursion, as in the thesis",
+    ),
+    ("burg", CoefficientFit::Burg, "Burg's lattice: resolves sharper resonances in short segments"),
+];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Method {
@@ -160,28 +172,11 @@ enum Method {
     Thesis,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Fit {
-    /// Autocovariance and Levinson-Durbin recursion, as in the thesis
-    YuleWalker,
-    /// Burg's lattice: resolves sharper resonances in short segments
-    Burg,
-}
-
 impl Settings {
     pub(super) fn processing(&self) -> ProcessingSettings {
-        let reduction = match self.reduction {
-            Reduction::Dft321 => AxisReduction::Dft321,
-            Reduction::Sum => AxisReduction::Sum,
-            Reduction::X => AxisReduction::SingleAxis(0),
-            Reduction::Y => AxisReduction::SingleAxis(1),
-            Reduction::Z => AxisReduction::SingleAxis(2),
-            Reduction::PrincipalComponent => AxisReduction::PrincipalComponent,
-            Reduction::VectorMagnitude => AxisReduction::VectorMagnitude,
-        };
         let usual = ProcessingSettings::default();
         ProcessingSettings {
-            reduction,
+            reduction: self.reduction,
             rate_hz: self.rate_hz,
             velocity_lowpass_hz: self.velocity_lowpass.unwrap_or(usual.velocity_lowpass_hz),
             ..usual
@@ -211,14 +206,11 @@ impl Settings {
             segmentation: SegmentationSettings {
                 min_span: self.min_span,
                 max_order: self.max_order,
-                variance: self.variance.estimate(),
+                variance: self.variance,
                 ..SegmentationSettings::default()
             },
             order: self.order,
-            fit: match self.fit {
-                Fit::YuleWalker => CoefficientFit::YuleWalker,
-                Fit::Burg => CoefficientFit::Burg,
-            },
+            fit: self.fit,
             outliers: usual.outliers.filter(|_| !self.keep_outliers),
             ..usual
         }
@@ -256,10 +248,9 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let settings = arguments.learning();
     let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
     let name = arguments.name.as_deref().unwrap_or(&stem);
-    let progress = Progress::of("learning");
-    let (mut learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
+    let learned = Progress::during("learning", |at| learn(name, &recordings, &settings, at));
+    let (mut learned, report) = learned
         .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &files, &recordings)))?;
-    drop(progress);
     note_files(&mut learned, &files);
     let output = surface::save(&learned, &output)?;
     let missing = report.missing.iter();
@@ -273,6 +264,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         warnings.push(said);
     }
     let page = page.map(|page| page.write(crate::report::learning::page(&learned, &report))).transpose()?;
+    let beside = arguments.beside.rows(|| Ok(summary::beside(&learned, &report, &settings).0))?;
     let learned = Learned {
         coverage: summary::coverage(&learned, &report, is_implausible),
         name,
@@ -282,7 +274,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         facts: summary::facts_of(&learned, &report, is_implausible),
         written: [output],
     };
-    show(&learned, arguments.json)
+    show_with(&learned, &beside, arguments.json)
 }
 
 /// A surface learned from recordings.

@@ -395,21 +395,12 @@ fn names(text: &str) -> Vec<&str> {
 /// The path of a `file://` URI.
 fn path_of(address: &str) -> PathBuf {
     let written = address.strip_prefix("file://").unwrap_or(address).as_bytes();
-    let mut bytes = Vec::with_capacity(written.len());
-    let mut at = 0;
-    while let Some(byte) = written.get(at) {
-        let digits = written.get(at + 1..at + 3).and_then(|two| std::str::from_utf8(two).ok());
-        let escaped = digits.and_then(|two| u8::from_str_radix(two, 16).ok());
-        match (byte, escaped) {
-            (b'%', Some(escaped)) => {
-                bytes.push(escaped);
-                at += 3;
-            }
-            _ => {
-                bytes.push(*byte);
-                at += 1;
-            }
-        }
+    let (mut bytes, mut rest) = (Vec::with_capacity(written.len()), written);
+    while let [byte, after @ ..] = rest {
+        let digits = after.get(..2).and_then(|two| std::str::from_utf8(two).ok());
+        let escaped = digits.and_then(|two| u8::from_str_radix(two, 16).ok()).filter(|_| *byte == b'%');
+        bytes.push(escaped.unwrap_or(*byte));
+        rest = if escaped.is_some() { &after[2..] } else { after };
     }
     PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
 }

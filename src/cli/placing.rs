@@ -10,7 +10,7 @@ mod file;
 mod folder;
 mod manifest;
 
-pub(super) use commit::MOVES;
+pub(super) use commit::{MOVES, files_in};
 pub(super) use file::{Force, Output, replaceable};
 pub(super) use folder::{
     MARK, MARKER, PROBES, REPLACED, RunFolder, complete_move, dead_in, lock, rename_recovered,

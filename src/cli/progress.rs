@@ -27,6 +27,12 @@ impl Progress {
         Self { bar, begun: Instant::now(), shown: AtomicBool::new(false) }
     }
 
+    /// Does work that tells the fraction done.
+    pub(super) fn during<T>(doing: &'static str, work: impl FnOnce(&(dyn Fn(f64) + Sync)) -> T) -> T {
+        let progress = Self::of(doing);
+        work(&|part| progress.at(part))
+    }
+
     /// Sets the fraction that is done, 0 to 1.
     pub(super) fn at(&self, part: f64) {
         if is_animated() && self.begun.elapsed() > PATIENCE && !self.shown.swap(true, Ordering::Relaxed) {

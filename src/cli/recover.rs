@@ -167,13 +167,8 @@ fn is_spool(folder: &Path) -> bool {
 
 /// Assembles the recording of a folder `NAME.part` beside it.
 fn recording(spool: &Path) -> Done {
-    let path = spool.with_extension("");
     // A run that ends normally also makes its table from this archive.
-    let path = if path.extension().is_some_and(|ending| ending == "npz") {
-        path
-    } else {
-        path.with_extension("npz")
-    };
+    let path = spool.with_extension("").with_extension("npz");
     if fs::symlink_metadata(&path).is_ok() {
         return Ok(format!("{}: exists already and is kept", path.display()));
     }

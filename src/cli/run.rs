@@ -12,7 +12,7 @@ mod status;
 pub(super) mod summary;
 
 use super::import::number;
-use super::placing::{self, Force, MARK, RunFolder, replaceable};
+use super::placing::{Force, MANIFEST, MARK, MARKER, MOVES, PROBES, REPLACED, RunFolder, replaceable};
 use super::progress::Progress;
 use super::{Failure, GraphArguments, eprint, interrupt, print, stderr};
 use crate::engine::graph::{Graph, GraphDevice};
@@ -162,18 +162,8 @@ fn target(arguments: &Arguments) -> PathBuf {
 }
 
 /// Names that every run writes into its folder.
-const OWN_FILES: [&str; 10] = [
-    MARK,
-    placing::MANIFEST,
-    placing::MARKER,
-    placing::PROBES,
-    placing::REPLACED,
-    placing::MOVES,
-    PAGE,
-    DRAWING,
-    ARRIVALS,
-    CHANGES,
-];
+const OWN_FILES: [&str; 10] =
+    [MARK, MANIFEST, MARKER, PROBES, REPLACED, MOVES, PAGE, DRAWING, ARRIVALS, CHANGES];
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
@@ -220,18 +210,15 @@ impl<'a> RunSetup<'a> {
             for file in [probe.file.clone(), probe.file.with_added_extension("ron")] {
                 replaceable(&file, arguments.force)?;
             }
-            if place_of(&probe.file).starts_with(place_of(&target)) {
+            let (place, file, run) = (place_of(&probe.file), probe.file.display(), target.display());
+            if place.starts_with(place_of(&target)) {
                 return Err(Failure::Message(format!(
-                    "{} lies in the folder of the run, which is written as a whole: give the probe a place outside of {}",
-                    probe.file.display(),
-                    target.display()
+                    "{file} lies in the folder of the run, which is written as a whole: give the probe a place outside of {run}"
                 )));
             }
-            if arguments.probe[..number].iter().any(|other| place_of(&other.file) == place_of(&probe.file)) {
-                return Err(Failure::Message(format!(
-                    "two probes go to {}; give each a file of its own",
-                    probe.file.display()
-                )));
+            if arguments.probe[..number].iter().any(|other| place_of(&other.file) == place) {
+                let why = format!("two probes go to {file}; give each a file of its own");
+                return Err(Failure::Message(why));
             }
         }
         let folder = RunFolder::beside(&target)?;

@@ -1,5 +1,6 @@
 //! `haptograph segment`: divides a signal into stationary segments (thesis 2.3.2).
 
+use super::import::{Choices, choice};
 use super::progress::Progress;
 use super::result::{CommandResult, show};
 use super::table::{facts, significant, table};
@@ -37,8 +38,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "P", default_value_t = 20)]
     max_order: usize,
     /// The estimator of a segment's innovation variance
-    #[arg(long, value_enum, default_value_t = Variance::LeastSquares)]
-    variance: Variance,
+    #[arg(long, value_parser = choice(VARIANCES), default_value = "least-squares")]
+    variance: VarianceEstimate,
     /// Seed of the genetic algorithm; default: 1
     #[arg(long, value_parser = super::seed)]
     seed: Option<u64>,
@@ -58,25 +59,16 @@ pub(super) enum Method {
     Genetic,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(super) enum Variance {
-    /// Conditional least squares, which estimates the number of breaks consistently
-    LeastSquares,
-    /// From the autocovariance, as in the thesis
-    YuleWalker,
-    /// Burg's lattice
-    Burg,
-}
-
-impl Variance {
-    pub(super) fn estimate(self) -> VarianceEstimate {
-        match self {
-            Self::LeastSquares => VarianceEstimate::ConditionalLeastSquares,
-            Self::YuleWalker => VarianceEstimate::YuleWalker,
-            Self::Burg => VarianceEstimate::Burg,
-        }
-    }
-}
+/// Estimators of a segment's innovation variance.
+pub(super) const VARIANCES: Choices<VarianceEstimate> = &[
+    (
+        "least-squares",
+        VarianceEstimate::ConditionalLeastSquares,
+        "Conditional least squares, which estimates the number of breaks consistently",
+    ),
+    ("yule-walker", VarianceEstimate::YuleWalker, "From the autocovariance, as in the thesis"),
+    ("burg", VarianceEstimate::Burg, "Burg's lattice"),
+];
 
 #[derive(Serialize)]
 struct Segments {
@@ -98,7 +90,7 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let settings = SegmentationSettings {
         min_span: arguments.min_span,
         max_order: arguments.max_order,
-        variance: arguments.variance.estimate(),
+        variance: arguments.variance,
         method: match arguments.method {
             Method::Exact => SegmentationMethod::Exact { grid: None },
             Method::Genetic => SegmentationMethod::Genetic(GeneticSettings {
@@ -116,12 +108,9 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 
 /// Refuses flags that have no effect on the exact search.
 fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
-    let flag = match (arguments.seed, arguments.time_limit) {
-        _ if arguments.method == Method::Genetic => return Ok(()),
-        (Some(_), _) => "--seed",
-        (_, Some(_)) => "--time-limit",
-        _ => return Ok(()),
-    };
+    let given = [("--seed", arguments.seed.is_some()), ("--time-limit", arguments.time_limit.is_some())];
+    let idle = given.into_iter().find(|(_, is_given)| *is_given && arguments.method == Method::Exact);
+    let Some((flag, _)) = idle else { return Ok(()) };
     let message =
         format!("{flag} is for --method genetic; the exact search is not random and needs no limit\n");
     Err(Failure::Usage(clap::Error::raw(ErrorKind::ArgumentConflict, message)))

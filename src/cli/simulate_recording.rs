@@ -60,11 +60,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 fn recording_file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
-    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-    if extension == "npz" || extension == "csv" {
-        Ok(path)
-    } else {
-        Err("a recording is written as .npz (haptograph's own archive) or .csv".to_owned())
+    match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
+        Some("npz" | "csv") => Ok(path),
+        _ => Err("a recording is written as .npz (haptograph's own archive) or .csv".to_owned()),
     }
 }
 
@@ -104,8 +102,5 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         )?,
         false => print(&format!("wrote {} (simulated: {motion} over {material})\n", output.display()))?,
     }
-    match stop.load(Ordering::Relaxed) {
-        true => Err(Failure::Interrupted),
-        false => Ok(()),
-    }
+    if stop.load(Ordering::Relaxed) { Err(Failure::Interrupted) } else { Ok(()) }
 }

@@ -5,17 +5,17 @@ mod page;
 mod run;
 mod simulate;
 
+use super::beside::{Beside, show_with};
 use super::placing::{Force, RunFolder};
 use super::result::{CommandResult, show};
 use super::table::{significant, table};
 use super::{Failure, print};
 use crate::engine::registry::Registry;
-use clap::{Subcommand, ValueEnum};
-use haptograph_study::analyse::{Analysis, BesideRow};
+use clap::Subcommand;
+use haptograph_study::analyse::{Analysis, ChoiceRow, RelationRow, ScreeRow, ThresholdRow};
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{Folder, Row};
 use serde::Serialize;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Check, plan, run, simulate and analyse a study with people
@@ -60,9 +60,8 @@ enum Command {
         /// The folder of the study's data
         #[arg(value_name = "DIR")]
         folder: PathBuf,
-        /// Lay the printed numbers of the study that it repeats beside its own, where both mean the same
-        #[arg(long)]
-        beside: Option<Beside>,
+        #[command(flatten)]
+        beside: Beside,
         /// The study's own file, for its surfaces: regresses similarity on what their signals lose (Table 4.2)
         #[arg(long, value_name = "STUDY.ron")]
         study: Option<PathBuf>,
@@ -82,13 +81,6 @@ enum Command {
         #[arg(short, long, value_name = "CODE")]
         participant: String,
     },
-}
-
-/// What stands beside one's own numbers.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Beside {
-    /// Those that the thesis prints
-    Thesis,
 }
 
 /// The file of a study.
@@ -186,22 +178,14 @@ impl CommandResult for Plan {
     }
 }
 
-fn analyse(
-    folder: &Path,
-    beside: Option<Beside>,
-    own: Option<&StudyFile>,
-    json: bool,
-) -> Result<(), Failure> {
+fn analyse(folder: &Path, beside: Beside, own: Option<&StudyFile>, json: bool) -> Result<(), Failure> {
     let folder = Folder::existing(folder).map_err(Failure::message)?;
     let study = folder.study().map_err(Failure::message)?;
     let mut analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
     if let Some(own) = own {
         analysis.add_responsiveness(&own.load()?, &folder).map_err(Failure::message)?;
     }
-    let beside = match beside {
-        None => Vec::new(),
-        Some(Beside::Thesis) => analysis.beside_thesis(&study).map_err(Failure::message)?,
-    };
+    let beside = beside.rows(|| analysis.beside_thesis(&study).map_err(Failure::message))?;
     let output = folder.path().join("analysis");
     let tables = RunFolder::beside(&output)?;
     tables.write("analysis.html", &page::page(&study, &analysis, &beside))?;
@@ -210,35 +194,20 @@ fn analyse(
         tables.write(name, &table)?;
     }
     tables.commit(&[], Force::default())?;
-    show(&Analysed { analysis, beside, output }, json)
+    show_with(&Analysed { analysis, output }, &beside, json)
 }
-
-/// The cells of a number beside the thesis's.
-fn beside_row(row: &BesideRow) -> Vec<String> {
-    let own = match &row.own {
-        Value::String(text) => text.clone(),
-        value => value.as_f64().map_or_else(String::new, number),
-    };
-    // With the digits that are printed.
-    let thesis = match (&row.thesis, row.thesis.as_f64()) {
-        (Value::String(text), _) => text.clone(),
-        (_, Some(small)) if small.abs() < 1e-3 => format!("{small:e}"),
-        (value, _) => value.to_string(),
-    };
-    vec![row.what.clone(), own, thesis, row.source.to_owned(), row.phase.clone()]
-}
-
-const BESIDE: [&str; 5] = ["number", "own", "thesis", "printed in", "own phase"];
 
 /// The tables of an analysis.
 #[derive(Serialize)]
 struct Analysed {
     #[serde(flatten)]
     analysis: Analysis,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    beside: Vec<BesideRow>,
     output: PathBuf,
 }
+
+/// Header of the table of tests.
+const VARIANCE: [&str; 9] =
+    ["phase", "scale or surface", "test", "term", "df", "F or chi2", "p", "p (GG)", "partial eta2"];
 
 impl CommandResult for Analysed {
     fn text(&self) -> String {
@@ -264,24 +233,9 @@ impl CommandResult for Analysed {
                 let sizes = [row.p_greenhouse_geisser, row.partial_eta_squared].map(maybe);
                 names.into_iter().chain([df, number(row.f), number(row.p)]).chain(sizes).collect()
             });
-            let header = [
-                "phase",
-                "scale or surface",
-                "test",
-                "term",
-                "df",
-                "F or chi2",
-                "p",
-                "p (GG)",
-                "partial eta2",
-            ];
-            text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
+            text += &format!("\n{}", table(&VARIANCE, &rows.collect::<Vec<_>>()));
         }
         text += &self.fits();
-        if !self.beside.is_empty() {
-            let rows: Vec<_> = self.beside.iter().map(beside_row).collect();
-            text += &format!("\n{}", table(&BESIDE, &rows));
-        }
         of.left_out.iter().for_each(|why| text += &format!("not computed: {why}\n"));
         text + &format!("wrote {}\n", self.output.display())
     }
@@ -292,51 +246,33 @@ impl Analysed {
     fn fits(&self) -> String {
         let (of, mut text) = (&self.analysis, String::new());
         for row in &of.thresholds {
-            let whose = if row.participant.is_empty() { "all" } else { &row.participant };
-            let (threshold, low, high) = (number(row.threshold), number(row.low), number(row.high));
+            let ThresholdRow { phase, participant, trials, .. } = row;
+            let whose = if participant.is_empty() { "all" } else { participant };
+            let of = [100.0 * row.at(row.threshold), row.threshold, row.low, row.high, row.standard];
+            let [right, threshold, low, high, standard] = of.map(number);
             let warning =
                 if row.slope_at_bound { ", but too few answers between guessed and known" } else { "" };
             text += &format!(
-                "{}, {whose}: {} % are right at a difference of {threshold} ({low} to {high}) from {}, {} trials{warning}\n",
-                row.phase,
-                number(100.0 * row.at(row.threshold)),
-                number(row.standard),
-                row.trials
+                "{phase}, {whose}: {right} % are right at a difference of {threshold} ({low} to {high}) from {standard}, {trials} trials{warning}\n"
             );
         }
         for row in &of.choices {
-            let (share, low, high) =
-                (number(100.0 * row.share_of_first), number(100.0 * row.low), number(100.0 * row.high));
+            let ChoiceRow { phase, first, second, answers, people, .. } = row;
+            let [share, low, high] = [row.share_of_first, row.low, row.high].map(|of| number(100.0 * of));
+            let [p, p_of_people] = [row.p_of_answers, row.p_of_people].map(number);
             text += &format!(
-                "{}: {} rather than {}: {share} % ({low} to {high}) of {} answers, p {} (sign test over {} people: p {})\n",
-                row.phase,
-                row.first,
-                row.second,
-                row.answers,
-                number(row.p_of_answers),
-                row.people,
-                number(row.p_of_people)
+                "{phase}: {first} rather than {second}: {share} % ({low} to {high}) of {answers} answers, p {p} (sign test over {people} people: p {p_of_people})\n"
             );
         }
-        for row in &of.scree {
-            text += &format!(
-                "{}: {} dimensions, stress {}, R2 {}\n",
-                row.phase,
-                row.dimensions,
-                number(row.stress),
-                number(row.r_squared)
-            );
+        for ScreeRow { phase, dimensions, stress, r_squared } in &of.scree {
+            let [stress, r_squared] = [*stress, *r_squared].map(number);
+            text += &format!("{phase}: {dimensions} dimensions, stress {stress}, R2 {r_squared}\n");
         }
-        for row in &of.relations {
-            let (value, low, high) = (number(row.value), number(row.low), number(row.high));
-            let (of, with) = (&row.of, &row.with);
-            let r_squared = row.r_squared.map_or_else(String::new, |of| format!(", R2 {}", number(of)));
-            text += &format!(
-                "{}, {}: {of} and {with}: {value} ({low} to {high}), p {}{r_squared}\n",
-                row.phase,
-                row.kind,
-                number(row.p)
-            );
+        for RelationRow { phase, kind, of, with, value, low, high, p, r_squared, .. } in &of.relations {
+            let [value, low, high, p] = [*value, *low, *high, *p].map(number);
+            let r_squared = r_squared.map_or_else(String::new, |of| format!(", R2 {}", number(of)));
+            text +=
+                &format!("{phase}, {kind}: {of} and {with}: {value} ({low} to {high}), p {p}{r_squared}\n");
         }
         text
     }

@@ -61,22 +61,15 @@ impl Case {
     /// Name of the case: `gain=2, seed=3`; only the value if all cases set the same single parameter.
     fn name(&self, short: bool) -> String {
         match self.0.as_slice() {
-            [] => "as it is".to_owned(),
             [(_, value)] if short => value.clone(),
-            settings => {
-                let all = settings.iter().map(|(name, value)| format!("{name}={value}"));
-                all.collect::<Vec<_>>().join(", ")
-            }
+            _ => self.joined("="),
         }
     }
 
-    /// Name of the case on the page: `gain = 2, seed = 3`.
-    fn label(&self) -> String {
-        let all = self.0.iter().map(|(name, value)| format!("{name} = {value}"));
-        match self.0.as_slice() {
-            [] => "as it is".to_owned(),
-            _ => all.collect::<Vec<_>>().join(", "),
-        }
+    /// The settings, with this sign between names and values.
+    fn joined(&self, sign: &str) -> String {
+        let all: Vec<String> = self.0.iter().map(|(name, value)| format!("{name}{sign}{value}")).collect();
+        if all.is_empty() { "as it is".to_owned() } else { all.join(", ") }
     }
 }
 
@@ -254,7 +247,7 @@ fn run_one(
     folder.write(&format!("{number:02}/report.html"), &page)?;
     plotted.forget_sound();
     let short = arguments.case.is_empty() && arguments.over.len() == 1;
-    Ok(Done { name: case.name(short), label: case.label(), graph, plotted, summary })
+    Ok(Done { name: case.name(short), label: case.joined(" = "), graph, plotted, summary })
 }
 
 fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
@@ -333,12 +326,10 @@ impl Serialize for Swept<'_> {
         let runs = done.iter().enumerate();
         let runs = runs.map(|(i, run)| json!({ "name": run.name, "folder": format!("{:02}", i + 1) }));
         json!({
-            "graph": arguments.graph.graph.to_string_lossy(),
-            "seconds": arguments.duration_s,
+            "graph": arguments.graph.graph.to_string_lossy(), "seconds": arguments.duration_s,
             "planned": planned,
             "stopped": done.len() < *planned || done.iter().any(|run| run.summary.was_stopped()),
-            "runs": runs.collect::<Vec<_>>(),
-            "haptograph": env!("CARGO_PKG_VERSION"),
+            "runs": runs.collect::<Vec<_>>(), "haptograph": env!("CARGO_PKG_VERSION"),
         })
         .serialize(serializer)
     }

@@ -78,13 +78,8 @@ fn texts(value: &Value) -> Vec<String> {
 impl CommandResult for Published {
     fn text(&self) -> String {
         if let Value::Array(rows) = &self.0 {
-            let keys: Vec<&str> = rows
-                .first()
-                .and_then(Value::as_object)
-                .into_iter()
-                .flatten()
-                .map(|(key, _)| &**key)
-                .collect();
+            let first = rows.first().and_then(Value::as_object).into_iter().flatten();
+            let keys: Vec<&str> = first.map(|(key, _)| &**key).collect();
             let rows = rows.iter().map(|row| keys.iter().map(|key| cell(&row[*key])).collect());
             return table(&keys, &rows.collect::<Vec<_>>());
         }

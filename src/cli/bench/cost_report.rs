@@ -217,23 +217,17 @@ impl CommandResult for CostReport {
         let simulated = if self.simulated { ", devices simulated" } else { "" };
         let (load, mut text) = (self.load_percent, self.table() + "\n");
         match &self.drivers[..] {
-            [alone] => {
+            [alone @ DriverLoad { block, driver, .. }] => {
                 text += &format!(
-                    "whole graph    {load:.3} % of one core at its own rate, in blocks of {} frames of `{}`{simulated}\n{}",
-                    alone.block,
-                    alone.driver,
+                    "whole graph    {load:.3} % of one core at its own rate, in blocks of {block} frames of `{driver}`{simulated}\n{}",
                     alone.to_text()
                 );
             }
             several => {
-                for driver in several {
+                for one @ DriverLoad { block, driver, load_percent, .. } in several {
+                    let (buffers, text_of) = (bytes(one.buffer_bytes as u64), one.to_text());
                     text += &format!(
-                        "driver {:7} {:.3} % of one core at its own rate, in blocks of at most {}; {} of signal buffers\n{}",
-                        driver.driver,
-                        driver.load_percent,
-                        driver.block,
-                        bytes(driver.buffer_bytes as u64),
-                        driver.to_text()
+                        "driver {driver:7} {load_percent:.3} % of one core at its own rate, in blocks of at most {block}; {buffers} of signal buffers\n{text_of}"
                     );
                 }
                 text += &format!(
@@ -257,15 +251,12 @@ impl CommandResult for CostReport {
 impl DriverLoad {
     /// The highest rate of the driver and its critical path.
     fn to_text(&self) -> String {
-        let CriticalPath { nodes, share } = &self.critical_path;
+        let Self { critical_path: CriticalPath { nodes, share }, driver, .. } = self;
+        let (times, mhz) = (100.0 / self.load_percent, self.highest_rate_hz * 1e-6);
+        let (percent, nodes) = (100.0 * share, nodes.join(" > "));
         format!(
-            "highest rate   {:.0} times real time: `{}` at {:.3} MHz would fill one core\n\
-             critical path  {:.0} % of the cost: {}\n",
-            100.0 / self.load_percent,
-            self.driver,
-            self.highest_rate_hz * 1e-6,
-            100.0 * share,
-            nodes.join(" > "),
+            "highest rate   {times:.0} times real time: `{driver}` at {mhz:.3} MHz would fill one core\n\
+             critical path  {percent:.0} % of the cost: {nodes}\n"
         )
     }
 }

@@ -114,12 +114,12 @@ pub(super) fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Re
     match (asked_hz, signals.map(|signal| signal.rate_hz)) {
         (Some(asked_hz), _) => Ok(asked_hz),
         (None, [Some(a), Some(b)]) if a == b => Ok(a),
-        (None, [Some(a), Some(b)]) => Err(Failure::Message(format!(
-            "the rate of {} is {a} Hz, that of {} is {b} Hz; give the rate to compare at by --rate, at most {}",
-            signals[0].path.display(),
-            signals[1].path.display(),
-            a.min(b)
-        ))),
+        (None, [Some(a), Some(b)]) => {
+            let ([one, other], least) = (signals.map(|signal| signal.path.display()), a.min(b));
+            Err(Failure::Message(format!(
+                "the rate of {one} is {a} Hz, that of {other} is {b} Hz; give the rate to compare at by --rate, at most {least}"
+            )))
+        }
         (None, rates) => {
             let unknown = if rates[0].is_none() { signals[0] } else { signals[1] };
             let path = unknown.path.display();

@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 
 /// Evaluates all drags by hold-out, with a progress bar.
 pub(super) fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<Holdout, Failure> {
-    let progress = Progress::of("holding out");
-    hold_out(takes, settings, &|part| progress.at(part)).map_err(Failure::doing("evaluate", dir))
+    let found = Progress::during("holding out", |at| hold_out(takes, settings, at));
+    found.map_err(Failure::doing("evaluate", dir))
 }
 
 /// Evaluates all taps, circles and presses by hold-out.
@@ -65,9 +65,7 @@ impl CommandResult for HeldOut {
 impl Serialize for HeldOut {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         json!({
-            "materials": self.found.materials,
-            "seeds": self.found.seeds,
-            "simulated": self.simulated > 0,
+            "materials": self.found.materials, "seeds": self.found.seeds, "simulated": self.simulated > 0,
             "folds": self.found.folds.len(),
             "splits": self.found.splits().iter().map(split_json).collect::<Vec<_>>(),
             "contact": self.contact.iter().map(contact_json).collect::<Vec<_>>(),
@@ -88,27 +86,20 @@ fn of_split(found: &Holdout, split: &SplitResult) -> String {
 
 fn split_json(split: &SplitResult) -> Value {
     json!({
-        "split": split.split.as_str(),
-        "methods": split.methods.iter().map(method_json).collect::<Vec<_>>(),
-        "best_baseline": split.best_baseline.as_str(),
-        "unexplained_level_db": split.unexplained_level_db,
-        "estimator_two_takes_db": split.estimator_db.0,
-        "estimator_mean_of_seeds_db": split.estimator_db.1,
+        "split": split.split.as_str(), "methods": split.methods.iter().map(method_json).collect::<Vec<_>>(),
+        "best_baseline": split.best_baseline.as_str(), "unexplained_level_db": split.unexplained_level_db,
+        "estimator_two_takes_db": split.estimator_db.0, "estimator_mean_of_seeds_db": split.estimator_db.1,
     })
 }
 
 fn contact_json(result: &ContactResult) -> Value {
     let method = |(number, method): (usize, &&str)| {
         json!({
-            "method": method,
-            "mean": result.means[number],
-            "by_material": result.by_material[number],
+            "method": method, "mean": result.means[number], "by_material": result.by_material[number],
         })
     };
     json!({
-        "error": result.contact.as_str(),
-        "tested_on": result.split,
-        "materials": result.materials,
+        "error": result.contact.as_str(), "tested_on": result.split, "materials": result.materials,
         "loses": result.loses,
         "methods": result.contact.methods().iter().enumerate().map(method).collect::<Vec<_>>(),
     })
@@ -116,13 +107,11 @@ fn contact_json(result: &ContactResult) -> Value {
 
 fn method_json(method: &MethodMean) -> Value {
     let mut json = json!({
-        "method": method.method.as_str(),
-        "loses": method.loses,
+        "method": method.method.as_str(), "loses": method.loses,
         "lsd_by_material_db": method.by_material(Measure::Lsd),
         "lsd_100_500_by_material_db": method.by_material(Measure::MiddleLsd),
         "error_20_40_by_material_db": method.by_material(Measure::Low),
-        "error_total_by_material_db": method.by_material(Measure::Total),
-        "signed_error_db": method.by_band,
+        "error_total_by_material_db": method.by_material(Measure::Total), "signed_error_db": method.by_band,
     });
     for measure in Measure::all() {
         json[measure.as_str()] = json!(method.mean(measure));

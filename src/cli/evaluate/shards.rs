@@ -1,13 +1,15 @@
 //! Evaluations in parts that may run on several machines. The merged parts equal the result of one run.
 
+use super::tables::beside as beside_of;
 use super::takes::{hash, list_takes, listed};
 use super::{Arguments, Tables, seeded, study_settings};
+use crate::cli::beside::{Beside, show_with};
 use crate::cli::placing::Output;
 use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::{Failure, folder_of};
 use crate::engine::registry::Registry;
-use crate::learning::evaluate::{Study, StudyHead, StudyPart};
+use crate::learning::evaluate::{Study, StudyError, StudyHead, StudyPart};
 use crate::learning::parts::Shard;
 use crate::signal::files;
 use clap::Subcommand;
@@ -30,7 +32,7 @@ pub(crate) struct Evaluate {
     #[command(flatten)]
     given: Arguments,
     /// Learn and compare one of several parts of the textures; `merge` prints the tables
-    #[arg(long, value_name = "K/N", requires = "output", conflicts_with_all = ["report", "holdout"])]
+    #[arg(long, value_name = "K/N", requires = "output", conflicts_with_all = ["report", "holdout", "beside"])]
     shard: Option<Shard>,
     /// The part to write
     #[arg(short, long, value_name = "PART.ron", requires = "shard")]
@@ -44,6 +46,8 @@ enum Merge {
         /// The files of all parts
         #[arg(required = true, value_name = "PART.ron")]
         parts: Vec<PathBuf>,
+        #[command(flatten)]
+        beside: Beside,
         /// Print tables and map as JSON
         #[arg(long)]
         json: bool,
@@ -52,7 +56,7 @@ enum Merge {
 
 pub(crate) fn run(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure> {
     match arguments {
-        Evaluate { merge: Some(Merge::Merge { parts, json }), .. } => merge(parts, *json),
+        Evaluate { merge: Some(Merge::Merge { parts, beside, json }), .. } => merge(parts, *beside, *json),
         Evaluate { given, shard: Some(shard), output: Some(output), .. } => {
             evaluate_part(given, *shard, output)
         }
@@ -80,12 +84,10 @@ fn evaluate_part(given: &Arguments, shard: Shard, path: &Path) -> Result<(), Fai
     }
     let output = Output::claim(path, given.force)?;
     let takes = list_takes(given.dir(), &import)?;
-    let progress = Progress::of("evaluating");
-    let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", given.dir(), error);
-    let whole = Study::of(&takes).map_err(|error| failed(&error))?;
-    let found = whole.compare(Some(shard), &settings, &|part| progress.at(part));
-    let found = found.map_err(|error| failed(&error))?;
-    drop(progress);
+    let failed = |error: StudyError| Failure::file("evaluate", given.dir(), &error);
+    let whole = Study::of(&takes).map_err(failed)?;
+    let found = Progress::during("evaluating", |at| whole.compare(Some(shard), &settings, at));
+    let found = found.map_err(failed)?;
     let compared: Vec<_> = found.into_iter().map(|(_, compared)| compared).collect();
     let head = StudyHead::of(study, &settings, &whole, &takes);
     let part = StudyPart::new(head, &compared);
@@ -123,17 +125,16 @@ fn read_part(path: &Path) -> Result<StudyPart, Failure> {
 }
 
 /// Prints the tables of all parts.
-fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
+fn merge(paths: &[PathBuf], beside: Beside, json: bool) -> Result<(), Failure> {
     let read = |path: &PathBuf| Ok((path.clone(), read_part(path)?));
     let parts = paths.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
     let Some(StudyPart { head, .. }) = parts.first().map(|(_, part)| part) else {
         return Err(Failure::Message("no part given; name the files of all parts".to_owned()));
     };
     let settings = seeded(head.pooling, head.seed);
-    let progress = Progress::of("evaluating");
-    let found = StudyPart::merged(&parts, &settings, &|part| progress.at(part));
+    let found = Progress::during("evaluating", |at| StudyPart::merged(&parts, &settings, at));
     let found = found.map_err(Failure::message)?;
-    drop(progress);
     let StudyHead { simulated, recordings, .. } = *head;
-    show(&Tables { found, simulated, recordings, page: None }, json)
+    let beside = beside.rows(|| Ok(beside_of(&found).0))?;
+    show_with(&Tables { found, simulated, recordings, page: None }, &beside, json)
 }

@@ -1,11 +1,14 @@
 //! The tables and the map of an evaluation, as text and as JSON.
 
 use super::conclusion;
+use crate::cli::beside::{Rows, is_material};
 use crate::cli::result::CommandResult;
 use crate::cli::table::{facts, significant, table};
 use crate::learning::evaluate::{ConditionLoss, DifferenceTable, Evaluation, PerceptualMap};
-use crate::learning::metrics::Pooling;
+use crate::learning::metrics::{Pooling, WindowSettings};
 use crate::report::evaluation::people_table;
+use crate::signal::statistics::{mean, standard_deviation};
+use haptograph_study::thesis::published;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -75,6 +78,59 @@ fn describe(found: &Evaluation) -> String {
     text
 }
 
+/// The numbers of sections 2.5 and 4.5.2 that mean the same as those of an evaluation.
+pub(super) fn beside(found: &Evaluation) -> Rows {
+    let (mut rows, tables) = (Rows::default(), &published()["tables"]);
+    let rate_hz = found.learned.first().map(|one| one.texture.rate_hz());
+    rows.constant("window", rate_hz.map(|rate_hz| WindowSettings::comparison_at(rate_hz).samples));
+    // Deviations over all tested windows: Eq. 2.5.3.
+    let own = found.materials_table.pooled(Pooling::All);
+    let (diagonal, expert) = (own.diagonal(), &tables["2.2"]);
+    rows.add("Table 2.2", "own material: mean", mean(&diagonal), &expert["mean"][8]);
+    rows.add("Table 2.2", "own material: deviation", standard_deviation(&diagonal), &expert["stdev"][8]);
+    rows.add("2.5.2", "baseline", own.baseline(), &tables["2.1"]["baseline"]);
+    let materials = tables["2.1"]["materials"].as_object();
+    let place = |own: &String| {
+        let mut printed =
+            materials?.iter().map(|(number, name)| format!("{number} {}", name.as_str().unwrap_or_default()));
+        printed.position(|printed| is_material(own, &printed))
+    };
+    for (texture, cells) in own.rows.iter().zip(&own.differences) {
+        for (material, cell) in own.columns.iter().zip(cells) {
+            if let (Some(row), Some(column)) = (place(texture), place(material)) {
+                let what = format!("virtual {texture} on {material}");
+                rows.add("Table 2.1", &what, *cell, &tables["2.1"]["values"][row][column]);
+            }
+        }
+    }
+    if let Some(people) = found.people_table.as_ref().map(|table| table.pooled(Pooling::All)) {
+        let others =
+            people.rows.iter().zip(people.row_statistics()).filter(|(name, _)| **name != found.expert);
+        let own = range(others.map(|(_, (mean, _))| mean));
+        let printed = expert["mean"].as_array().into_iter().flatten().take(8).filter_map(Value::as_f64);
+        rows.add("Table 2.2", "mean of each other person", own, &range(printed));
+    }
+    if let Some(map) = &found.map {
+        let (count, printed) = (map.names.len(), &published()["studies"]["2.5"]["map"]);
+        rows.add("2.5.4", "textures on the map", count, &printed["signals"]);
+        rows.add("2.5.4", "pairs", count * (count - 1) / 2, &printed["pairs"]);
+        rows.add("2.5.4", "clusters", found.materials.len(), &printed["clusters"]);
+        let angle = map.angle_deg.filter(|_| found.materials_table.pooling == Pooling::All);
+        rows.add("2.5.4", "angle of roughness and fineness, degrees", angle, &printed["angle_deg"]);
+    }
+    Centre::beside(found.centre.map(Centre::from).as_ref(), &mut rows);
+    rows
+}
+
+/// The least and the largest of some numbers.
+fn range(values: impl Iterator<Item = f64> + Clone) -> Value {
+    let (least, most) = (values.clone().reduce(f64::min), values.reduce(f64::max));
+    least
+        .zip(most)
+        .map(|(least, most)| format!("{} to {}", significant(least, 3), significant(most, 3)))
+        .into()
+}
+
 /// The variation that textures lose which respond to force only, speed only, or neither (thesis 4.5.3).
 fn losses(losses: &[ConditionLoss]) -> String {
     let row = |one: &ConditionLoss| {
@@ -111,6 +167,18 @@ impl From<(f64, f64)> for Centre {
 }
 
 impl Centre {
+    /// The thesis's beside it.
+    pub(crate) fn beside(centre: Option<&Self>, rows: &mut Rows) {
+        let table = &published()["tables"]["4.1"];
+        rows.add(
+            "Table 4.1",
+            "mean speed of models, mm/s",
+            centre.map(|at| at.speed_mm_s),
+            &table["S_c_mm_s"],
+        );
+        rows.add("Table 4.1", "mean force of models, N", centre.map(|at| at.force_n), &table["F_c_n"]);
+    }
+
     /// A line of facts.
     pub(crate) fn fact(centre: Option<&Self>) -> (&'static str, String) {
         let number = |value| significant(value, 3);
@@ -167,15 +235,13 @@ impl Serialize for Tables {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let found = &self.found;
         json!({
-            "materials": found.materials,
-            "people": found.people,
-            "expert": found.expert,
-            "simulated": self.simulated > 0,
-            "table": table_json(&found.materials_table),
+            "materials": found.materials, "people": found.people, "expert": found.expert,
+            "simulated": self.simulated > 0, "table": table_json(&found.materials_table),
             "tables": {
                 "pooled_over_pair": table_json(&found.materials_table.pooled(Pooling::Pair)),
                 "pooled_over_all": table_json(&found.materials_table.pooled(Pooling::All)),
             },
+
             "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
             "map": found.map.as_ref().map(map_json),
             "losses": found.losses.iter().map(loss_json).collect::<Vec<_>>(),
@@ -187,37 +253,61 @@ impl Serialize for Tables {
 
 fn table_json(table: &DifferenceTable) -> Value {
     json!({
-        "rows": table.rows,
-        "columns": table.columns,
-        "sd": table.differences,
-        "diagonal": table.diagonal(),
-        "baseline": table.baseline(),
-        "diagonal_is_least": table.diagonal_is_least(),
+        "rows": table.rows, "columns": table.columns, "sd": table.differences, "diagonal": table.diagonal(),
+        "baseline": table.baseline(), "diagonal_is_least": table.diagonal_is_least(),
         "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
     })
 }
 
 fn map_json(map: &PerceptualMap) -> Value {
     json!({
-        "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
-        "places": map.scaling.places,
-        "stress": map.scaling.stress,
-        "r_squared": map.scaling.r_squared,
-        "k_means": map.k_means,
-        "k_means_purity": map.k_means_purity,
-        "hierarchical_purity": map.tree_purity,
-        "power": map.power,
-        "spectral_centroid_hz": map.spectral_centroid_hz,
-        "angle_deg": map.angle_deg,
+        "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(), "places": map.scaling.places,
+        "stress": map.scaling.stress, "r_squared": map.scaling.r_squared, "k_means": map.k_means,
+        "k_means_purity": map.k_means_purity, "hierarchical_purity": map.tree_purity, "power": map.power,
+        "spectral_centroid_hz": map.spectral_centroid_hz, "angle_deg": map.angle_deg,
     })
 }
 
 fn loss_json(one: &ConditionLoss) -> Value {
     json!({
-        "texture": one.surface,
-        "condition": one.condition.symbol(),
-        "power_m2_s4": one.loss.power,
-        "spectral_centroid_hz": one.loss.centroid_hz,
-        "sd_x": one.difference,
+        "texture": one.surface, "condition": one.condition.symbol(), "power_m2_s4": one.loss.power,
+        "spectral_centroid_hz": one.loss.centroid_hz, "sd_x": one.difference,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learning::evaluate::{RecordingName, Study, StudySettings, Take};
+    use crate::learning::recording::Gesture;
+    use crate::nodes::simulated::material::MaterialName;
+    use crate::recorder::{SimulatedTake, record};
+
+    #[test]
+    fn cells_of_the_printed_tables_stand_beside_materials_of_their_names() {
+        let take = |name: &str, material, seed| {
+            let gesture = Gesture::Drag;
+            let take = SimulatedTake { material, gesture, from_rest: false, person: 1, seconds: 2.0, seed };
+            let recording = record(&take, &Default::default(), &mut |_| ()).unwrap();
+            Take { name: RecordingName::parse(name).unwrap(), recording }
+        };
+        let takes = [
+            take("T1.anna.1.npz", MaterialName::T1, 1),
+            take("T1.anna.2.npz", MaterialName::T1, 2),
+            take("slate.anna.1.npz", MaterialName::T3, 3),
+            take("slate.anna.2.npz", MaterialName::T3, 4),
+            take("T1.ben.1.npz", MaterialName::T1, 5),
+        ];
+        let found = Study::of(&takes).unwrap().evaluate(&StudySettings::default(), &|_| ()).unwrap();
+        let rows = beside(&found).0;
+        let row = |what: &str| rows.iter().find(|row| row.what == what);
+        let cell = row("virtual T1 on T1").unwrap();
+        assert_eq!((&cell.thesis, cell.source), (&json!(4.5), "Table 2.1"));
+        assert_eq!(cell.own, json!(found.materials_table.pooled(Pooling::All).diagonal()[0]));
+        assert!(rows.iter().all(|row| !row.what.contains("slate")), "the thesis has no slate");
+        assert_eq!(row("baseline").unwrap().thesis, json!(4.72));
+        assert_eq!(row("window, samples").unwrap().own, json!(256));
+        assert_eq!(row("mean of each other person").unwrap().thesis, json!("4.16 to 4.95"));
+        assert_eq!(row("pairs").map(|row| (&row.own, &row.thesis)), Some((&json!(3), &json!(1431))));
+    }
 }

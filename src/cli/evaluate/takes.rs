@@ -106,11 +106,11 @@ fn load(
         files.iter().filter(|(other, _)| is_part(other, name)).collect();
     if parts.is_empty() {
         let said = recording::failure(&error).to_string();
-        let other = part_of(path);
+        let said = said.trim_start_matches("error: ").trim_end();
+        let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
+        let (own, other) = (name(path), name(&path.with_extension("motion.csv")));
         return Err(Failure::Message(format!(
-            "{}\na take of two tables stands in a folder as {} and {other}",
-            said.trim_start_matches("error: ").trim_end(),
-            path.file_name().unwrap_or_default().display(),
+            "{said}\na take of two tables stands in a folder as {own} and {other}"
         )));
     }
     let mut all = path.as_os_str().to_owned();
@@ -122,12 +122,6 @@ fn load(
     let loaded = recording::try_load(&all, import).map_err(|error| recording::failure(&error))?;
     let parts = parts.into_iter().map(|(name, _)| name.clone()).collect();
     Ok((loaded, all, parts))
-}
-
-/// Suggested name for the second table of a take.
-fn part_of(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or_default().display();
-    format!("{stem}.motion.csv")
 }
 
 /// True if `other` names another part of `take`: `oak.anna.1.motion` of `oak.anna.1`.

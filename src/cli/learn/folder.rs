@@ -65,26 +65,21 @@ pub(super) fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
 /// surface learned before from the same recordings and settings is kept. Failures are listed at the end,
 /// after all other surfaces are learned.
 pub(super) fn run_on(given: &super::Arguments, dir: &Path) -> Result<(), Failure> {
+    let shown = dir.display();
     if given.has_single() {
         return Err(Failure::Message(format!(
-            "{} is a folder: --circle, --tap, --press, --name and --report apply to one surface; leave them out, or name files",
-            dir.display()
+            "{shown} is a folder: --circle, --tap, --press, --name, --report and --beside apply to one surface; leave them out, or name files"
         )));
     }
     let import = given.import()?;
     let items = items(dir, given.folder.by.unwrap_or(By::File))?;
     let shard = given.folder.shard;
-    let numbered = items.iter().zip(0_u64..);
-    let items: Vec<&Item> = numbered
-        .filter(|(_, number)| shard.is_none_or(|shard| shard.has(*number)))
-        .map(|(item, _)| item)
-        .collect();
+    let own = items.iter().zip(0..).filter(|(_, number)| shard.is_none_or(|shard| shard.has(*number)));
+    let items: Vec<&Item> = own.map(|(item, _)| item).collect();
     make_folder(&given.output)?;
     if given.output.canonicalize().ok() == dir.canonicalize().ok() {
-        return Err(Failure::Message(format!(
-            "{} is the folder of the recordings; give another folder for the surfaces",
-            dir.display()
-        )));
+        let why = format!("{shown} is the folder of the recordings; give another folder for the surfaces");
+        return Err(Failure::Message(why));
     }
     let learned = LearnedFolder::of(&items, pass(given, &items, &import)?, &given.output);
     if !given.json {
@@ -234,15 +229,10 @@ impl<'a> LearnedSurface<'a> {
     fn row(&self) -> Vec<String> {
         let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 4));
         let count = |value: Option<usize>| value.map_or_else(|| "–".to_owned(), |value| value.to_string());
-        vec![
-            self.surface.to_owned(),
-            self.recordings.len().to_string(),
-            self.origin.to_owned(),
-            count(self.models),
-            number(self.mu),
-            count(self.taps),
-            number(self.n_per_mm),
-        ]
+        let (surface, recordings) = (self.surface.to_owned(), self.recordings.len().to_string());
+        let [models, taps] = [self.models, self.taps].map(count);
+        let [mu, n_per_mm] = [self.mu, self.n_per_mm].map(number);
+        vec![surface, recordings, self.origin.to_owned(), models, mu, taps, n_per_mm]
     }
 }
 

@@ -251,7 +251,7 @@ fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathB
 }
 
 /// All files below a folder, as relative paths, without some of its entries and what an interrupted write left.
-fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
+pub(crate) fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(next) = folders.pop() {

@@ -56,10 +56,8 @@ impl Output {
     pub(crate) fn claim_page(folder: Option<&Path>, force: Force) -> Result<Option<Self>, Failure> {
         let Some(folder) = folder else { return Ok(None) };
         if folder.is_file() {
-            return Err(Failure::Message(format!(
-                "{} is a file; give a folder for the page",
-                folder.display()
-            )));
+            let folder = folder.display();
+            return Err(Failure::Message(format!("{folder} is a file; give a folder for the page")));
         }
         let is_missing =
             |folder: &&Path| !folder.as_os_str().is_empty() && fs::symlink_metadata(folder).is_err();

@@ -260,9 +260,7 @@ fn mark(content: &Path, place: &Path) -> io::Result<File> {
     // Without file locks no leftover counts as running; nothing is removed on account of that.
     let _ = marker.try_lock();
     let facts = json!({
-        "target": place.to_string_lossy(),
-        "pid": std::process::id(),
-        "haptograph": env!("CARGO_PKG_VERSION"),
+        "target": place.to_string_lossy(), "pid": std::process::id(), "haptograph": env!("CARGO_PKG_VERSION"),
     });
     writeln!(marker, "{facts:#}")?;
     Ok(marker)

@@ -187,11 +187,10 @@ fn introduce(arguments: &Arguments, supervisor: &Supervisor) {
         Some(seconds) => format!("for {seconds} s"),
         None => "until ctrl-C".to_owned(),
     };
+    let (name, endpoints) = (arguments.graph.name(), arguments.graph.endpoints());
+    let driver = supervisor.description();
     eprint(&format!(
-        "running {} with its {} endpoints {ends}, driven by {}; type {HELP}\n",
-        arguments.graph.name(),
-        arguments.graph.endpoints(),
-        supervisor.description()
+        "running {name} with its {endpoints} endpoints {ends}, driven by {driver}; type {HELP}\n"
     ));
     for Connected { names, role, place, .. } in supervisor.connections() {
         let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();

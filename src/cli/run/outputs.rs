@@ -151,12 +151,10 @@ fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure>
 
 fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dyn FrameWriter>, Failure> {
     let context = FileContext { streams: vec![stream.clone()], graph_seed: 0 };
-    let sink: Result<Box<dyn FileSink>, _> = if is_wav(path) {
-        let file = "probe.wav".to_owned();
-        WavSink::build(WavSinkSettings { file, full_scale }, &context)
-    } else {
-        let file = "probe.csv".to_owned();
-        CsvSink::build(CsvSinkSettings { file }, &context)
+    let file = |ending: &str| format!("probe.{ending}");
+    let sink: Result<Box<dyn FileSink>, _> = match is_wav(path) {
+        true => WavSink::build(WavSinkSettings { file: file("wav"), full_scale }, &context),
+        false => CsvSink::build(CsvSinkSettings { file: file("csv") }, &context),
     };
     let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
     sink.open(path, &context.streams).map_err(Failure::doing("write", path))
@@ -164,12 +162,9 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
 
 /// The output with this name, as an input would state it.
 fn find(graph: &Graph, name: &str) -> Result<WatchedOutput, Failure> {
-    let found = graph.find_output(name).ok();
-    let found = found.and_then(|(node, output)| watch(graph, node, output));
-    found.ok_or_else(|| {
-        let help = meant(graph, name);
-        Failure::Message(format!("the graph has no output `{name}`; {help}"))
-    })
+    let found = graph.find_output(name).ok().and_then(|(node, output)| watch(graph, node, output));
+    let no_such = || Failure::Message(format!("the graph has no output `{name}`; {}", meant(graph, name)));
+    found.ok_or_else(no_such)
 }
 
 /// Advice about the name of an unknown output.
@@ -184,8 +179,7 @@ fn meant(graph: &Graph, name: &str) -> String {
     }
     // An output inside a template, named without the instance.
     let inside = format!("/{name}");
-    let near = names.iter().find(|known| known.ends_with(&inside));
-    let near = near.map(String::as_str);
+    let near = names.iter().find(|known| known.ends_with(&inside)).map(String::as_str);
     match near.or_else(|| closest(name, names.iter().map(String::as_str))) {
         Some(near) => format!("did you mean `{near}`?"),
         None => format!("its outputs are {}", names.join(", ")),

@@ -69,17 +69,15 @@ fn refuse_target(folder: &Path, target: &Path) -> Result<(), Failure> {
 fn facts(folder: &Path) -> Result<Value, Failure> {
     let path = folder.join(FACTS);
     let text = files::read_text(&path, files::MAX_REPORT_BYTES).map_err(|error| {
-        Failure::Message(format!(
-            "cannot read {}: {error}; give the folder of a live run, with `{ARRIVALS}` in it",
-            path.display()
-        ))
+        let why = format!("{error}; give the folder of a live run, with `{ARRIVALS}` in it");
+        Failure::file("read", &path, &why)
     })?;
+    let path = path.display();
     if text.trim().is_empty() {
-        let path = path.display();
         let why = "is empty: a crash or a full disk cut that run short, and it cannot be replayed";
         return Err(Failure::Message(format!("{path} {why}")));
     }
-    serde_json::from_str(&text).map_err(|error| Failure::Message(format!("{}: {error}", path.display())))
+    serde_json::from_str(&text).map_err(|error| Failure::Message(format!("{path}: {error}")))
 }
 
 #[cfg(test)]

@@ -102,13 +102,11 @@ impl Summary {
             }
             None => "; nothing to listen to: the signals are silent".to_owned(),
         };
+        let Self { seconds, name, took_s, .. } = self;
+        let (times, page) = (seconds / took_s, target.join("report.html"));
         format!(
-            "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}{heard}\n",
-            self.seconds,
-            self.name,
-            self.took_s,
-            self.seconds / self.took_s,
-            target.join("report.html").display()
+            "{stopped} {seconds:.3} s of {name}{simulated} in {took_s:.3} s, {times:.1} times real time\nlook at {}{heard}\n",
+            page.display()
         )
     }
 

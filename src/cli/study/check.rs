@@ -3,8 +3,8 @@
 use super::{StudyFile, failure};
 use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
-use crate::cli::surface::headroom::{HEADER, Headroom, SECONDS, headroom_of};
-use crate::cli::table::{significant, table};
+use crate::cli::surface::headroom::{self, Headroom, SECONDS, headroom_of};
+use crate::cli::table::significant;
 use crate::cli::{Failure, interrupt};
 use crate::engine::registry::Registry;
 use crate::signal::parallel;
@@ -136,16 +136,9 @@ impl CommandResult for CheckedStudy {
                 text += &format!("  Latin squares: {verdict} {rows} people or a multiple\n");
             }
         }
-        let rows =
-            self.headroom.iter().flatten().flat_map(|of| {
-                of.actuators.iter().map(|one| [vec![of.stimulus.clone()], one.row()].concat())
-            });
-        if self.headroom.is_some() {
-            let header = [&["stimulus"], &HEADER[..]].concat();
-            let table = table(&header, &rows.collect::<Vec<_>>());
-            text += &format!(
-                "ticks in which a limit acts, in {SECONDS} s of the graph's simulated hands\n{table}"
-            );
+        if let Some(stimuli) = &self.headroom {
+            let runs = stimuli.iter().map(|of| (of.stimulus.clone(), &*of.actuators));
+            text += &headroom::text_of("stimulus", SECONDS, runs);
         }
         text
     }

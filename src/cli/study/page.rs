@@ -1,11 +1,10 @@
 //! The page of a study's analysis: which figures a phase has.
 
-use super::{BESIDE, beside_row};
+use crate::cli::beside::table;
 use crate::engine::document::value::Name;
 use crate::learning::evaluate::Merge;
 use crate::report::plot::Plot;
 use crate::report::study::{Interval, Psychometric, Section, intervals, map, scree, tree};
-use crate::report::table::Table;
 use haptograph_study::analyse::{Analysis, BesideRow, LevelRow, MeanRow, ThresholdRow};
 use haptograph_study::document::{Line, Phase, Study};
 
@@ -24,9 +23,8 @@ pub(super) fn page(study: &Study, analysis: &Analysis, beside: &[BesideRow]) -> 
         phases.map(|(name, phase)| section(study, (&name.text, phase), analysis)).collect();
     sections.retain(|section| !section.plots.is_empty());
     if !beside.is_empty() {
-        let table = Table::new(&BESIDE, beside.iter().map(beside_row).collect());
         let (title, text) = ("Beside the thesis".to_owned(), SAME.to_owned());
-        sections.push(Section { title, text, table: Some(table), ..Section::default() });
+        sections.push(Section { title, text, table: Some(table(beside)), ..Section::default() });
     }
     let warnings: Vec<String> = analysis.left_out.iter().map(|why| format!("Not computed: {why}")).collect();
     crate::report::study::page("Analysis", &study.about, analysis.simulated, &warnings, sections)

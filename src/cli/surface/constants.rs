@@ -1,14 +1,14 @@
 //! `haptograph surface constants`: what the thesis's studies and its pen take from a set of surfaces.
 
-use super::load_all;
+use super::Surfaces;
 use crate::cli::Failure;
+use crate::cli::beside::{Beside, Rows, show_with};
 use crate::cli::evaluate::Centre;
-use crate::cli::result::{CommandResult, show};
+use crate::cli::result::CommandResult;
 use crate::cli::table::facts;
 use crate::learning::evaluate::centre_of;
 use crate::surfaces::Surface;
 use serde::Serialize;
-use std::path::PathBuf;
 
 /// Show the constant force and speed of a set of surfaces, and how many frictions a pen can take on
 ///
@@ -16,9 +16,10 @@ use std::path::PathBuf;
 /// 4.5.2). The friction of the pen with a braked ball is counted against those of the surfaces (5.3.5, 5.5.2, 5.5.4).
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// Surface files, or folders, which are searched with their subfolders
-    #[arg(required = true, value_name = "DIR|FILE")]
-    paths: Vec<PathBuf>,
+    #[command(flatten)]
+    surfaces: Surfaces,
+    #[command(flatten)]
+    beside: Beside,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -32,8 +33,11 @@ const RANGES: [(f64, f64, &str); 3] = [
 ];
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let surfaces = load_all(&arguments.paths)?;
-    show(&Constants::of(&surfaces), arguments.json)
+    let surfaces = arguments.surfaces.load()?;
+    let constants = Constants::of(&surfaces);
+    let mut rows = Rows::default();
+    Centre::beside(constants.centre.as_ref(), &mut rows);
+    show_with(&constants, &arguments.beside.rows(|| Ok(rows.0))?, arguments.json)
 }
 
 /// The constants of a set of surfaces.
@@ -86,7 +90,8 @@ mod tests {
     #[test]
     fn the_shipped_surfaces_have_their_frictions() {
         // Frictions 0.18, 0.36, 0.32, 0.30, 0.49 and 0.42; their textures follow laws.
-        let surfaces = load_all(&[PathBuf::from("graphs/surfaces")]).unwrap();
+        let surfaces = super::super::select::collect("graphs/surfaces".as_ref()).unwrap();
+        let surfaces: Vec<Surface> = surfaces.into_iter().map(|found| found.surface).collect();
         let constants = Constants::of(&surfaces);
         assert_eq!((constants.surfaces, constants.with_friction), (6, 6));
         assert!(constants.friction.iter().map(|of| of.surfaces).eq([6, 5, 6]), "{:?}", constants.friction);

@@ -1,18 +1,19 @@
 //! `haptograph surface headroom`: how often the limits of a graph's actuators act on surfaces, and the gain at which they rarely do.
 
+use super::Surfaces;
 use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::{significant, table};
 use crate::cli::{Failure, GraphArguments, interrupt};
 use crate::engine::document::{Document, LoadOptions};
-use crate::engine::graph::{CheckOptions, Graph, check};
+use crate::engine::graph::Graph;
 use crate::engine::limiter::ClipCounts;
 use crate::engine::registry::Registry;
 use crate::engine::run::{ActuatorReport, Player, SessionOptions};
 use crate::signal::parallel;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Show how often the limits of the actuators act on surfaces, and the gain at which they rarely do
@@ -24,9 +25,8 @@ pub(in crate::cli) struct Arguments {
     /// The graph file
     #[arg(value_name = "GRAPH.ron")]
     graph: PathBuf,
-    /// Surface files
-    #[arg(required = true, value_name = "SURFACE.ron")]
-    surfaces: Vec<PathBuf>,
+    #[command(flatten)]
+    surfaces: Surfaces,
     /// Override a parameter of the graph; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = crate::cli::assignment)]
     set: Vec<(String, String)>,
@@ -97,11 +97,6 @@ struct Cell {
     sums: [f64; 2],
 }
 
-/// Ticks of which a limit reduced the request: some may be counted by two limits.
-fn limited(counts: ClipCounts) -> u64 {
-    counts.peak.max(counts.continuous).max(counts.slew)
-}
-
 /// The outputs that give a graph's texture the force and the speed of the hand, if it has both.
 fn force_and_speed(graph: &Graph) -> Option<[String; 2]> {
     let nodes = graph.nodes();
@@ -130,21 +125,21 @@ pub(in crate::cli) fn headroom_of(
     let mut ports = ports.collect::<Result<Vec<_>, _>>().map_err(Failure::message)?;
     let rate_hz = graph.drivers().first().map_or(1.0, |driver| graph.clocks()[*driver].rate.hz());
     let (step, frames) = ((rate_hz * PART_S).max(1.0) as usize, (duration_s * rate_hz) as u64);
-    let mut cells = vec![BTreeMap::<[i64; 2], Cell>::new(); player.actuators().count()];
-    let (mut place, mut before) = ([0.0; 2], vec![ClipCounts::default(); cells.len()]);
+    let mut of = vec![(ClipCounts::default(), BTreeMap::<_, Cell>::new()); player.actuators().count()];
+    let mut place = [0.0; 2];
     while player.frames() < frames && !stop.load(Ordering::Relaxed) {
         player.process(step);
         session.poll();
         for (value, port) in place.iter_mut().zip(&mut ports) {
             while port.take(std::slice::from_mut(value)) {}
         }
-        for ((cells, before), actuator) in cells.iter_mut().zip(&mut before).zip(player.actuators()) {
-            let key = [0, 1].map(|axis| (place[axis] / CELL[axis]).floor() as i64);
-            let (cell, now) = (cells.entry(key).or_default(), actuator.clipped);
-            cell.parts += 1;
-            cell.ticks += now.ticks - before.ticks;
-            // Each limit by itself: the largest may be another one in each part.
+        let key = [0, 1].map(|axis| (place[axis] / CELL[axis]).floor() as i64);
+        for ((before, cells), ActuatorReport { clipped: now, .. }) in of.iter_mut().zip(player.actuators()) {
+            let cell = cells.entry(key).or_default();
             let own = |of: fn(&ClipCounts) -> u64| of(&now) - of(before);
+            cell.parts += 1;
+            cell.ticks += own(|of| of.ticks);
+            // Each limit by itself: the largest may be another one in each part.
             cell.limited += own(|of| of.peak).max(own(|of| of.continuous)).max(own(|of| of.slew));
             cell.sums = [0, 1].map(|axis| cell.sums[axis] + place[axis]);
             *before = now;
@@ -153,160 +148,140 @@ pub(in crate::cli) fn headroom_of(
     if stop.load(Ordering::Relaxed) {
         return Err(Failure::Interrupted);
     }
-    let of = |(actuator, cells): (ActuatorReport, &BTreeMap<_, Cell>)| {
-        Headroom::new(&actuator, cells.values().filter(|_| !ports.is_empty()))
-    };
-    Ok(player.actuators().zip(&cells).map(of).collect())
+    let found = player.actuators().zip(&of);
+    Ok(found
+        .map(|(actuator, (_, cells))| Headroom::new(actuator, cells.values().filter(|_| !ports.is_empty())))
+        .collect())
+}
+
+fn share(of: u64, ticks: u64) -> f64 {
+    of as f64 / ticks.max(1) as f64
 }
 
 impl Headroom {
-    fn new<'c>(actuator: &ActuatorReport, cells: impl Iterator<Item = &'c Cell>) -> Self {
+    fn new<'c>(actuator: ActuatorReport, cells: impl Iterator<Item = &'c Cell>) -> Self {
         let counts = actuator.clipped;
-        let share = |of: u64, ticks: u64| of as f64 / ticks.max(1) as f64;
+        let [peak, continuous, slew] =
+            [counts.peak, counts.continuous, counts.slew].map(|of| share(of, counts.ticks));
         let worst = cells.filter(|cell| cell.parts >= FEWEST_PARTS && cell.limited > 0).map(|cell| {
             let [force_n, speed_m_s] = cell.sums.map(|sum| sum / cell.parts as f64);
             Worst { force_n, share: share(cell.limited, cell.ticks), speed_mm_s: 1000.0 * speed_m_s }
         });
         Self {
-            actuator: actuator.path.clone(),
-            continuous: share(counts.continuous, counts.ticks),
+            actuator: actuator.path,
+            continuous,
             largest_over_peak: actuator.largest_request / actuator.limit.peak,
-            peak: share(counts.peak, counts.ticks),
-            share: share(limited(counts), counts.ticks),
-            slew: share(counts.slew, counts.ticks),
+            peak,
+            // Some ticks may be counted by two limits.
+            share: peak.max(continuous).max(slew),
+            slew,
             worst: worst.max_by(|a, b| a.share.total_cmp(&b.share)),
         }
     }
 
-    /// A row of a table, without what was run.
-    pub(in crate::cli) fn row(&self) -> Vec<String> {
+    fn row(&self, run: &str) -> Vec<String> {
         let percent = |share: f64| significant(100.0 * share, 3);
         let worst = self.worst.map_or_else(String::new, |at| {
             let (force, speed) = (significant(at.force_n, 3), significant(at.speed_mm_s, 3));
             format!("{force} N, {speed} mm/s: {} %", percent(at.share))
         });
-        let shares = [self.share, self.peak, self.continuous, self.slew].map(percent);
-        [vec![self.actuator.clone()], shares.to_vec(), vec![significant(self.largest_over_peak, 3), worst]]
-            .concat()
+        let [share, peak, continuous, slew] =
+            [self.share, self.peak, self.continuous, self.slew].map(percent);
+        let largest = significant(self.largest_over_peak, 3);
+        vec![run.to_owned(), self.actuator.clone(), share, peak, continuous, slew, largest, worst]
     }
 }
 
-/// Header of such rows.
-pub(in crate::cli) const HEADER: [&str; 7] =
-    ["actuator", "limited %", "peak %", "continuous %", "slew %", "largest / peak", "worst at"];
-
-/// The largest share of the actuators of a run.
-fn worst_of(actuators: &[Headroom]) -> f64 {
-    actuators.iter().map(|one| one.share).fold(0.0, f64::max)
+/// The headroom of several runs of `seconds` s as text, with the names of the runs under `head`.
+pub(in crate::cli) fn text_of<'a>(
+    head: &str,
+    seconds: f64,
+    runs: impl Iterator<Item = (String, &'a [Headroom])>,
+) -> String {
+    let rows: Vec<_> = runs.flat_map(|(run, of)| of.iter().map(move |one| one.row(&run))).collect();
+    let header =
+        [head, "actuator", "limited %", "peak %", "continuous %", "slew %", "largest / peak", "worst at"];
+    let table = table(&header, &rows);
+    format!("ticks in which a limit acts, in {seconds} s of the graph's simulated hands\n{table}")
 }
 
-/// What is run: the graph, its parameters, its surfaces.
-struct Runs<'a> {
-    document: &'a Document,
-    arguments: &'a Arguments,
-    registry: &'a Registry,
-    /// The parameter of the gain and its value.
-    gain: Option<(&'a str, f64)>,
-    stop: &'a AtomicBool,
-}
-
-impl Runs<'_> {
-    /// The headroom of a surface with the gain times a factor.
-    fn of(&self, surface: &Path, factor: f64) -> Result<Vec<Headroom>, Failure> {
-        let mut options = CheckOptions::default();
-        options.set.clone_from(&self.arguments.set);
-        options.set_as = "--set";
-        let file = std::path::absolute(surface).map_err(Failure::doing("find", surface))?;
-        let mut set = vec![(self.arguments.parameter.as_str(), file.display().to_string())];
-        set.extend(self.gain.map(|(name, value)| (name, (value * factor).to_string())));
-        options.set.retain(|(known, _)| set.iter().all(|(name, _)| name != known));
-        options.set.extend(set.into_iter().map(|(name, value)| (name.to_owned(), value)));
-        let graph = check(self.document, self.registry, &options).map_err(Failure::Graph)?;
-        headroom_of(&graph, self.arguments.duration_s, self.stop)
-    }
-
-    /// The headroom of all surfaces.
-    fn all(&self, factor: f64, progress: &(dyn Fn(f64) + Sync)) -> Result<Vec<Vec<Headroom>>, Failure> {
-        let surfaces = self.arguments.surfaces.iter();
-        parallel::try_map(parallel::cores(), surfaces, progress, |surface| self.of(surface, factor))
-    }
-
-    /// The largest factor of the gain within [`FACTORS`] at which no surface is limited in more ticks than allowed; `None` if the
-    /// smallest one does not suffice. `share` is that of the gain as it is.
-    fn factor(&self, share: f64) -> Result<Option<f64>, Failure> {
-        let _progress = Progress::unknown("scaling");
-        let is_within = |factor: f64| {
-            let all = self.all(factor, &|_| ())?;
-            Ok::<_, Failure>(all.iter().all(|one| worst_of(one) <= self.most()))
-        };
-        let [smallest, largest] = FACTORS;
-        let (mut low, mut high) = (1.0, 1.0);
-        if share <= self.most() {
-            while low == high {
-                high *= 2.0;
-                if high > largest {
-                    return Ok(Some(largest));
-                }
-                low = if is_within(high)? { high } else { low };
-            }
-        } else {
-            while low == high {
-                low /= 2.0;
-                if low < smallest {
-                    return Ok(None);
-                }
-                high = if is_within(low)? { high } else { low };
-            }
+/// The largest factor within [`FACTORS`] for which `is_allowed`; `None` if there is none. `is_allowed_now` is that of 1.
+fn largest_factor(
+    is_allowed_now: bool,
+    is_allowed: impl Fn(f64) -> Result<bool, Failure>,
+) -> Result<Option<f64>, Failure> {
+    let step = if is_allowed_now { 2.0 } else { 0.5 };
+    let mut next = step;
+    while is_allowed(next)? == is_allowed_now {
+        next *= step;
+        if !(FACTORS[0]..=FACTORS[1]).contains(&next) {
+            return Ok(is_allowed_now.then_some(FACTORS[1]));
         }
-        while high / low > PRECISION {
-            let middle = (low * high).sqrt();
-            *(if is_within(middle)? { &mut low } else { &mut high }) = middle;
-        }
-        Ok(Some(low))
     }
-
-    fn most(&self) -> f64 {
-        self.arguments.most / 100.0
+    let (mut low, mut high) = (next.min(next / step), next.max(next / step));
+    while high / low > PRECISION {
+        let middle = (low * high).sqrt();
+        *(if is_allowed(middle)? { &mut low } else { &mut high }) = middle;
     }
+    Ok(Some(low))
 }
 
 pub(in crate::cli) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
-    let graph =
-        GraphArguments { graph: arguments.graph.clone(), set: arguments.set.clone(), endpoints: None };
-    graph.refuse_repeated()?;
-    let document = Document::load(&arguments.graph, &LoadOptions::default()).map_err(Failure::Graph)?;
-    let gain = gain(arguments, &document)?;
+    arguments.graph().refuse_repeated()?;
     let stop = interrupt::flag()?;
-    let runs = Runs { document: &document, arguments, registry, gain, stop: &stop };
-    let progress = Progress::of("running");
-    let all = runs.all(1.0, &|part| progress.at(part))?;
-    drop(progress);
-    let share = all.iter().map(|one| worst_of(one)).fold(0.0, f64::max);
-    let gain = match gain {
-        None => None,
-        Some((parameter, value)) => {
-            let factor = runs.factor(share)?;
-            let (parameter, scaled) = (parameter.to_owned(), factor.map(|factor| factor * value));
-            Some(Gain { factor, parameter, scaled, value })
-        }
-    };
-    let surfaces = arguments.surfaces.iter().zip(all);
-    let surfaces = surfaces.map(|(surface, actuators)| OfSurface { actuators, surface: surface.clone() });
-    let (most_percent, seconds) = (arguments.most, arguments.duration_s);
-    show(&Shown { gain, most_percent, seconds, surfaces: surfaces.collect() }, arguments.json)
+    show(&arguments.measure(registry, &stop)?, arguments.json)
 }
 
-/// The parameter that scales what the actuators are asked for, and its value.
-fn gain<'a>(arguments: &'a Arguments, document: &'a Document) -> Result<Option<(&'a str, f64)>, Failure> {
-    let name = arguments.gain.as_deref().unwrap_or("gain");
-    let set = arguments.set.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-    let Some((_, value)) = set.chain(document.parameters()).find(|(known, _)| *known == name) else {
-        let missing = || Failure::Message(format!("the graph has no parameter `{name}`"));
-        return arguments.gain.as_ref().map_or(Ok(None), |_| Err(missing()));
-    };
-    match value.trim().parse() {
-        Ok(number) if number != 0.0 => Ok(Some((name, number))),
-        _ => Err(Failure::Message(format!("parameter `{name}` is {value}, which no factor can scale"))),
+impl Arguments {
+    fn graph(&self) -> GraphArguments {
+        GraphArguments { graph: self.graph.clone(), set: self.set.clone(), endpoints: None }
+    }
+
+    /// Runs the graph with all surfaces, and searches the gain.
+    fn measure(&self, registry: &Registry, stop: &AtomicBool) -> Result<Shown, Failure> {
+        let (gain, files) = (self.gain()?, self.surfaces.files()?);
+        let run = |surface: &PathBuf, factor: f64| {
+            let mut graph = self.graph();
+            let file = std::path::absolute(surface).map_err(Failure::doing("find", surface))?;
+            // The last value of a parameter counts.
+            graph.set.push((self.parameter.clone(), file.display().to_string()));
+            graph.set.extend(gain.iter().map(|(name, value)| (name.clone(), (value * factor).to_string())));
+            let graph = graph.load(registry, None).map_err(Failure::Graph)?;
+            let actuators = headroom_of(&graph, self.duration_s, stop)?;
+            Ok(OfSurface { actuators, surface: surface.clone() })
+        };
+        let all = |factor: f64, at: &(dyn Fn(f64) + Sync)| {
+            parallel::try_map(parallel::cores(), &files, at, |surface| run(surface, factor))
+        };
+        let is_allowed = |runs: &[OfSurface]| {
+            let mut shares = runs.iter().flat_map(|run| &run.actuators).map(|one| one.share);
+            shares.all(|share| share <= self.most / 100.0)
+        };
+        let surfaces = Progress::during("running", |at| all(1.0, at))?;
+        let scale = |(parameter, value): &(String, f64)| {
+            let _progress = Progress::unknown("scaling");
+            let factor = largest_factor(is_allowed(&surfaces), |by| Ok(is_allowed(&all(by, &|_| ())?)))?;
+            let scaled = factor.map(|factor| factor * value);
+            Ok::<_, Failure>(Gain { factor, parameter: parameter.clone(), scaled, value: *value })
+        };
+        let gain = gain.as_ref().map(scale).transpose()?;
+        Ok(Shown { gain, most_percent: self.most, seconds: self.duration_s, surfaces })
+    }
+
+    /// The parameter that scales what the actuators are asked for, and its value.
+    fn gain(&self) -> Result<Option<(String, f64)>, Failure> {
+        let document = Document::load(&self.graph, &LoadOptions::default()).map_err(Failure::Graph)?;
+        let name = self.gain.as_deref().unwrap_or("gain");
+        let set = self.set.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let known = set.chain(document.parameters()).find(|(known, _)| *known == name);
+        match known.map(|(_, value)| (value, value.trim().parse())) {
+            None if self.gain.is_none() => Ok(None),
+            None => Err(Failure::Message(format!("the graph has no parameter `{name}`"))),
+            Some((_, Ok(number))) if number != 0.0 => Ok(Some((name.to_owned(), number))),
+            Some((value, _)) => {
+                Err(Failure::Message(format!("parameter `{name}` is {value}, which no factor can scale")))
+            }
+        }
     }
 }
 
@@ -338,15 +313,9 @@ struct OfSurface {
 
 impl CommandResult for Shown {
     fn text(&self) -> String {
-        let rows = self.surfaces.iter().flat_map(|of| {
-            let name = of.surface.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            of.actuators.iter().map(move |one| [vec![name.clone()], one.row()].concat())
-        });
-        let header = [&["surface"], &HEADER[..]].concat();
-        let table = table(&header, &rows.collect::<Vec<_>>());
-        let (seconds, most) = (self.seconds, self.most_percent);
-        let text =
-            format!("ticks in which a limit acts, in {seconds} s of the graph's simulated hands\n{table}");
+        let name = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let runs = self.surfaces.iter().map(|of| (name(&of.surface), &*of.actuators));
+        let (text, most) = (text_of("surface", self.seconds, runs), self.most_percent);
         let Some(Gain { factor, parameter, scaled, value }) = &self.gain else {
             return text + "the graph has no parameter `gain`; name another by --gain\n";
         };
@@ -368,6 +337,7 @@ impl CommandResult for Shown {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Only;
     use super::*;
 
     /// A sine of amplitude 1 A, times `gain`, at a peak limit of 0.5 A.
@@ -383,10 +353,12 @@ mod tests {
     #[test]
     fn a_sine_above_a_limit_has_the_share_of_an_arc() {
         let registry = crate::nodes::registry();
-        let document = Document::parse("sine.ron", SINE).unwrap();
-        let arguments = Arguments {
-            graph: "sine.ron".into(),
-            surfaces: vec!["a.ron".into(), "b.ron".into()],
+        let folder = tempfile::tempdir().unwrap();
+        let graph = folder.path().join("sine.ron");
+        std::fs::write(&graph, SINE).unwrap();
+        let mut arguments = Arguments {
+            graph,
+            surfaces: Surfaces { paths: vec!["a.ron".into(), "b.ron".into()], only: Only { only: None } },
             set: Vec::new(),
             parameter: "surface".to_owned(),
             gain: None,
@@ -395,27 +367,27 @@ mod tests {
             json: false,
         };
         let stop = AtomicBool::new(false);
-        let gain = gain(&arguments, &document).unwrap();
-        assert_eq!(gain, Some(("gain", 1.0)));
-        let runs =
-            Runs { document: &document, arguments: &arguments, registry: &registry, gain, stop: &stop };
-        let all = runs.all(1.0, &|_| ()).unwrap();
-        let [one] = &all[0][..] else { panic!("{all:?}") };
+        let mut with = |gain: &str| {
+            arguments.set = vec![("gain".to_owned(), gain.to_owned())];
+            let Shown { gain, surfaces, .. } = arguments.measure(&registry, &stop)?;
+            let [_, OfSurface { actuators, .. }] = &surfaces[..] else { panic!("two surfaces") };
+            Ok::<_, Failure>((actuators[0].clone(), gain.unwrap().factor))
+        };
+        let (one, factor) = with("1.0").unwrap();
         // |sin| > 1/2 for two thirds of a turn.
         assert!((one.share - 2.0 / 3.0).abs() < 1e-3 && one.share == one.peak, "{one:?}");
         assert!((one.largest_over_peak - 2.0).abs() < 1e-3 && one.worst.is_none(), "{one:?}");
         // 1 % of a turn is above cos(0.005 pi) of the amplitude: half the gain, within the precision of the search.
-        let factor = runs.factor(one.share).unwrap().unwrap();
         let limit = 0.5 / (0.005 * std::f64::consts::PI).cos();
-        assert!(factor <= limit + 1e-6 && factor > limit / PRECISION, "{factor} {limit}");
+        let is_it = |factor: f64, limit: f64| factor <= limit + 1e-5 && factor > limit / PRECISION;
+        assert!(is_it(factor.unwrap(), limit), "{factor:?} {limit}");
         // From below the same.
-        let quiet = Runs { gain: Some(("gain", 0.1)), ..runs };
-        let factor = quiet.factor(quiet.of(Path::new("a.ron"), 1.0).unwrap()[0].share).unwrap().unwrap();
-        assert!(factor <= 10.0 * limit + 1e-5 && factor > 10.0 * limit / PRECISION, "{factor}");
-        assert_eq!(Runs { gain: Some(("gain", 1e-3)), ..quiet }.factor(0.0).unwrap(), Some(FACTORS[1]));
+        let (_, factor) = with("0.1").unwrap();
+        assert!(is_it(factor.unwrap(), 10.0 * limit), "{factor:?}");
+        // Beyond both ends.
+        assert_eq!(with("0.001").unwrap().1, Some(FACTORS[1]));
+        assert_eq!(with("1000").unwrap().1, None);
         stop.store(true, Ordering::Relaxed);
-        let stopped =
-            Runs { document: &document, arguments: &arguments, registry: &registry, gain, stop: &stop };
-        assert!(matches!(stopped.all(1.0, &|_| ()), Err(Failure::Interrupted)));
+        assert!(matches!(with("1.0"), Err(Failure::Interrupted)));
     }
 }

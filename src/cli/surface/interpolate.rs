@@ -1,10 +1,11 @@
 //! `haptograph surface interpolate`: the filter of a texture at any speed and force.
 
+use super::show::mm_s;
 use super::{Failure, load, texture};
 use crate::cli::result::{CommandResult, show};
 use crate::cli::snippet;
 use crate::signal::files;
-use crate::signal::units::decimal::{format_thousandfold, parse_thousandth};
+use crate::signal::units::decimal::parse_thousandth;
 use crate::surfaces::{Coefficients, Interpolator};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -47,11 +48,8 @@ struct Interpolated<'a> {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
     let texture = texture(&surface, &arguments.file)?;
-    let most = Request {
-        speed_mm_s: mm_s(texture.max_speed_m_s()),
-        speed_m_s: texture.max_speed_m_s(),
-        force_n: texture.max_force_n(),
-    };
+    let (speed_m_s, force_n) = (texture.max_speed_m_s(), texture.max_force_n());
+    let most = Request { speed_mm_s: mm_s(speed_m_s), speed_m_s, force_n };
     let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
     for (index, line) in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES).enumerate() {
@@ -157,11 +155,6 @@ fn parse(line: &str) -> Result<Option<Request>, LineError> {
     }
 }
 
-/// Metres to millimetres per second, with the decimals that a file would have.
-fn mm_s(speed_m_s: f64) -> f64 {
-    format_thousandfold(speed_m_s).parse().unwrap_or(speed_m_s * 1000.0)
-}
-
 impl CommandResult for Interpolated<'_> {
     fn text(&self) -> String {
         let list =
@@ -171,14 +164,10 @@ impl CommandResult for Interpolated<'_> {
         let asked = asked.map_or_else(String::new, |(speed_mm_s, force_n)| {
             format!(" in place of {speed_mm_s} mm/s, {force_n} N")
         });
+        let Self { speed_mm_s, force_n, variance, gain, .. } = self;
+        let (weights, ar) = (list(&self.weights), list(self.ar));
         let mut text = format!(
-            "{} mm/s, {} N{asked}: models {a}, {b}, {c} by {}; variance {:e}, gain {}, ar {}",
-            self.speed_mm_s,
-            self.force_n,
-            list(&self.weights),
-            self.variance,
-            self.gain,
-            list(self.ar),
+            "{speed_mm_s} mm/s, {force_n} N{asked}: models {a}, {b}, {c} by {weights}; variance {variance:e}, gain {gain}, ar {ar}"
         );
         if self.warping != 0.0 {
             text += &format!(" on an axis warped by {}", self.warping);

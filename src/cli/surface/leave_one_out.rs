@@ -1,7 +1,7 @@
 //! `haptograph surface leave-one-out`: compares the accuracy of kinds of maps between and beyond measured
 //! models.
 
-use super::{Failure, load_all};
+use super::{Failure, Surfaces};
 use crate::cli::progress::Progress;
 use crate::cli::result::{CommandResult, show};
 use crate::cli::table::table;
@@ -11,7 +11,6 @@ use crate::learning::evaluate::{LeaveOneOut, MapKind, Prediction, Summary, leave
 use crate::surfaces::TextureModel;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Compare kinds of maps: predict each measured model of a texture from the others
 ///
@@ -22,9 +21,8 @@ use std::path::PathBuf;
 /// the power.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// Surface files, or folders, which are searched with their subfolders
-    #[arg(required = true, value_name = "DIR|FILE")]
-    paths: Vec<PathBuf>,
+    #[command(flatten)]
+    surfaces: Surfaces,
     /// Print all figures as JSON
     #[arg(long)]
     json: bool,
@@ -36,12 +34,10 @@ const FADE: &str = "The law is what a surface renders: models on a grid, interpo
      known force, 0.9 N at most. Without fade it is what was fitted.";
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let surfaces = load_all(&arguments.paths)?;
+    let surfaces = arguments.surfaces.load()?;
     let textures: Vec<&TextureModel> = surfaces.iter().filter_map(|one| one.texture.as_ref()).collect();
-    let progress = Progress::of("leaving out");
-    let found = leave_one_out(&textures, &|part| progress.at(part))
-        .map_err(Failure::doing("compare maps of", &arguments.paths[0]))?;
-    drop(progress);
+    let found = Progress::during("leaving out", |at| leave_one_out(&textures, at));
+    let found = found.map_err(Failure::doing("compare maps of", &arguments.surfaces.paths[0]))?;
     show(&Compared(found), arguments.json)
 }
 
@@ -91,15 +87,10 @@ fn row(part: &str, map: MapKind, one: &Summary) -> Vec<String> {
         let error = value.error.map_or_else(String::new, |error| format!(" ± {:.digits$}", error * scale));
         format!("{:.digits$}{error}", value.mean * scale)
     };
-    vec![
-        part.to_owned(),
-        map.as_str().to_owned(),
-        number(&one.lsd_db, 1.0, 2),
-        number(&one.power_db, 1.0, 2),
-        number(&one.beyond, 100.0, 1),
-        format!("{:.1}", 100.0 * one.beyond_of_models),
-        one.models.to_string(),
-    ]
+    let [lsd, power] = [&one.lsd_db, &one.power_db].map(|value| number(value, 1.0, 2));
+    let (beyond, of_models) = (number(&one.beyond, 100.0, 1), format!("{:.1}", 100.0 * one.beyond_of_models));
+    let names = [part, map.as_str()].map(str::to_owned);
+    names.into_iter().chain([lsd, power, beyond, of_models, one.models.to_string()]).collect()
 }
 
 fn describe_exponents(exponents: &PowerExponents) -> String {
@@ -123,11 +114,9 @@ impl Serialize for Compared {
         };
         let parts = PARTS.map(|(part, count)| (part.to_owned(), of(&found.left_out, count)));
         json!({
-            "textures": found.textures,
-            "left_out": Value::Object(parts.into_iter().collect()),
+            "textures": found.textures, "left_out": Value::Object(parts.into_iter().collect()),
             "narrow_third": { "speeds_apart": FAR, "maps": of(&found.far, |_| true) },
-            "power_exponents": found.exponents,
-            "notes": [FADE, CAVEAT],
+            "power_exponents": found.exponents, "notes": [FADE, CAVEAT],
         })
         .serialize(serializer)
     }
@@ -135,13 +124,8 @@ impl Serialize for Compared {
 
 fn summary(one: &Summary) -> Value {
     json!({
-        "lsd_db": one.lsd_db.mean,
-        "lsd_error_db": one.lsd_db.error,
-        "power_db": one.power_db.mean,
-        "power_error_db": one.power_db.error,
-        "beyond_6_db": one.beyond.mean,
-        "beyond_6_db_of_models": one.beyond_of_models,
-        "models": one.models,
-        "textures": one.textures,
+        "lsd_db": one.lsd_db.mean, "lsd_error_db": one.lsd_db.error, "power_db": one.power_db.mean,
+        "power_error_db": one.power_db.error, "beyond_6_db": one.beyond.mean,
+        "beyond_6_db_of_models": one.beyond_of_models, "models": one.models, "textures": one.textures,
     })
 }

@@ -1,20 +1,23 @@
 //! `haptograph surface select`: selects representative surfaces from a folder (thesis 4.4).
 
-use super::Failure;
+use super::{Failure, Found, Only, check_extension};
+use crate::cli::beside::{Beside, Rows, chosen_surfaces, show_with};
 use crate::cli::eprint;
 use crate::cli::evaluate::Centre;
+use crate::cli::placing::files_in;
 use crate::cli::progress::Progress;
-use crate::cli::result::{CommandResult, show};
+use crate::cli::result::CommandResult;
 use crate::cli::table::{facts, significant, table};
 use crate::learning::evaluate::centre_of;
 use crate::learning::select::{Features, Selection, features, select};
-use crate::signal::files::entries;
 use crate::signal::parallel;
 use crate::surfaces::files::{self, merge};
 use crate::surfaces::rendering::RandomWalk;
-use crate::surfaces::{Surface, TextureModel};
+use crate::surfaces::{Surface, Taps, TextureModel};
+use haptograph_study::thesis::{is_same_name, published};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Select a few surfaces that represent all in a folder
@@ -33,6 +36,10 @@ pub(super) struct Arguments {
     /// Seed of the trajectory and of the vibrations
     #[arg(long, default_value_t = 1, value_parser = crate::cli::seed)]
     seed: u64,
+    #[command(flatten)]
+    only: Only,
+    #[command(flatten)]
+    beside: Beside,
     /// Print features, clusters and selection as JSON
     #[arg(long)]
     json: bool,
@@ -42,14 +49,17 @@ pub(super) struct Arguments {
 const USUAL_COUNT: usize = 15;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let surfaces = collect(&arguments.dir)?;
+    let found = arguments.only.of(collect(&arguments.dir)?)?;
+    let surfaces: Vec<Surface> = found.into_iter().map(|found| found.surface).collect();
     warn_of_mixed_forces(&surfaces);
     let found = measure(&surfaces, arguments.seed)?;
     let count = arguments.count.unwrap_or(USUAL_COUNT.min(found.len().div_ceil(2)));
     let selection = select(&found, count).map_err(Failure::doing("select from", &arguments.dir))?;
     let chosen = selection.chosen.iter().filter_map(|&i| surfaces[i].texture.as_ref());
     let middle = centre_of(chosen);
-    show(&Selected::new(&found, selection, middle), arguments.json)
+    let selected = Selected::new(&found, selection, middle);
+    let beside = arguments.beside.rows(|| Ok(selected.beside(&surfaces).0))?;
+    show_with(&selected, &beside, arguments.json)
 }
 
 /// Warns if some tap responses are by recorded forces and others by rendered forces, which are not
@@ -68,14 +78,12 @@ fn warn_of_mixed_forces(surfaces: &[Surface]) {
     }
 }
 
-/// All surfaces below a folder; parts of one material are joined.
-pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
-    let mut paths = vec![];
-    walk(dir, &mut paths).map_err(Failure::doing("read", dir))?;
-    paths.sort();
-    let mut by_name: BTreeMap<String, (PathBuf, Surface)> = BTreeMap::new();
+/// All surfaces below a folder by name; parts of one material are joined.
+pub(super) fn collect(dir: &Path) -> Result<Vec<Found>, Failure> {
+    let mut by_name: BTreeMap<String, Found> = BTreeMap::new();
     let mut clashes = vec![];
-    for path in paths {
+    let names = files_in(dir, &[]).map_err(Failure::doing("read", dir))?;
+    for path in names.iter().filter(|name| check_extension(name).is_ok()).map(|name| dir.join(name)) {
         let surface = match files::load(&path) {
             Ok(surface) => surface,
             Err(_) if is_note(&path) => continue,
@@ -85,16 +93,15 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
             }
         };
         let name = surface.name.clone();
-        let entry = match by_name.remove(&name) {
-            None => (path, surface),
-            Some((first, known)) => {
-                if share_a_part(&known, &surface) {
-                    clashes.push(format!("{name:?} in {} and {}", first.display(), path.display()));
-                }
-                (first, joined(known, surface))
-            }
+        let Some(Found { files, surface: known }) = by_name.get_mut(&name) else {
+            by_name.insert(name, Found { files: vec![path], surface });
+            continue;
         };
-        by_name.insert(name, entry);
+        if share_a_part(known, &surface) {
+            clashes.push(format!("{name:?} in {} and {}", files[0].display(), path.display()));
+        }
+        files.push(path);
+        join(known, surface);
     }
     if let Some(example) = clashes.first() {
         eprint(&format!(
@@ -106,29 +113,13 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
     if by_name.is_empty() {
         return Err(Failure::Message(format!("{} contains no surface (.ron or .xml)", dir.display())));
     }
-    Ok(by_name.into_values().map(|(_, surface)| surface).collect())
+    Ok(by_name.into_values().collect())
 }
 
 /// True for a note that a run wrote beside a recording, as `take.wav.ron`.
 fn is_note(path: &Path) -> bool {
     let of = path.file_stem().map(Path::new).and_then(Path::extension);
     of.is_some_and(|of| of.eq_ignore_ascii_case("wav") || of.eq_ignore_ascii_case("csv"))
-}
-
-fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {
-    for entry in entries(dir)? {
-        let entry = entry?;
-        let path = entry.path();
-        if entry.file_type()?.is_dir() {
-            walk(&path, paths)?;
-        } else if path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("ron") || e.eq_ignore_ascii_case("xml"))
-        {
-            paths.push(path);
-        }
-    }
-    Ok(())
 }
 
 fn share_a_part(a: &Surface, b: &Surface) -> bool {
@@ -138,9 +129,9 @@ fn share_a_part(a: &Surface, b: &Surface) -> bool {
         || a.stiffness.is_some() && b.stiffness.is_some()
 }
 
-/// Joins two files of one name. If both have a texture, the one with the higher rate is used; of other parts
+/// Adds another file of one name. If both have a texture, the one with the higher rate is used; of other parts
 /// the first one's.
-fn joined(mut known: Surface, mut next: Surface) -> Surface {
+fn join(known: &mut Surface, mut next: Surface) {
     let rate_hz = |texture: &Option<TextureModel>| texture.as_ref().map_or(0.0, TextureModel::rate_hz);
     if rate_hz(&next.texture) > rate_hz(&known.texture) {
         known.texture = None;
@@ -150,7 +141,9 @@ fn joined(mut known: Surface, mut next: Surface) -> Surface {
     next.friction = next.friction.filter(|_| known.friction.is_none());
     next.stiffness = next.stiffness.filter(|_| known.stiffness.is_none());
     next.taps = next.taps.filter(|_| known.taps.is_none());
-    merge(known.clone(), next).unwrap_or(known)
+    if let Ok(merged) = merge(known.clone(), next) {
+        *known = merged;
+    }
 }
 
 /// The features of all surfaces, computed on all cores.
@@ -191,6 +184,39 @@ impl<'a> Selected<'a> {
         let selected = chosen.iter().map(|&i| &*found[i].name).collect();
         Self { centre: centre.map(Centre::from), features, scree, selected, surfaces, chosen }
     }
+
+    /// The numbers of sections 4.4 and 4.5.2 that mean the same, and what is chosen here for each surface of the thesis.
+    fn beside(&self, all: &[Surface]) -> Rows {
+        let (mut rows, study) = (Rows::default(), &published()["studies"]["4.4"]);
+        rows.add("4.4", "surfaces", self.surfaces.len(), &study["of"]);
+        let mut features = self.features.join(", ");
+        if !all.iter().filter_map(|one| one.taps.as_ref()).all(Taps::has_forces) {
+            features += " (taps by rendered forces)";
+        }
+        let printed = study["features"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        let printed: Vec<_> = printed.filter_map(|feature| feature.split(" (").next()).collect();
+        rows.add("4.4", "features, as z-scores", features, &printed.join(", ").into());
+        rows.add("4.4.4", "clusters", self.chosen.len(), &study["clusters"]);
+        let mut by_mu: Vec<(f64, &str)> =
+            self.surfaces.iter().filter_map(|of| Some((of.features.friction?, &*of.features.name))).collect();
+        by_mu.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let shown =
+            |of: Option<&(f64, &str)>| of.map(|(mu, name)| format!("{} ({name})", significant(*mu, 3)));
+        rows.constant("least mu of the toolkit (wax paper)", shown(by_mu.first()));
+        rows.constant("largest mu of the toolkit (EPDM foam)", shown(by_mu.last()));
+        Centre::beside(self.centre.as_ref(), &mut rows);
+        let is_there =
+            |name: &&'static str| self.surfaces.iter().find(|of| is_same_name(&of.features.name, name));
+        let there: Vec<_> =
+            chosen_surfaces().filter_map(|name| Some((name, is_there(&name)?.cluster))).collect();
+        let clusters = there.iter().map(|(_, cluster)| cluster).collect::<BTreeSet<_>>().len();
+        rows.add("4.4.4", "clusters with a surface of the thesis", clusters, &study["clusters"]);
+        for (name, cluster) in there {
+            let what = format!("chosen from the cluster of {name}");
+            rows.add("Fig. 4.7", &what, self.selected[cluster], &name.into());
+        }
+        rows
+    }
 }
 
 impl CommandResult for Selected<'_> {
@@ -209,5 +235,33 @@ impl CommandResult for Selected<'_> {
         let header = ["surface", "mu", "tap (N s/m)", "power ((m/s²)²)", "stands for"];
         let centre = facts(&[Centre::fact(self.centre.as_ref())]);
         format!("{chosen} of {all} surfaces, by {features}\n\n{}\n{centre}", table(&header, &rows))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_surface_of_the_thesis_stands_beside_what_is_chosen_from_its_cluster() {
+        let of = |(number, name): (usize, String)| Features {
+            friction: Some(0.1 + 0.1 * (number / 2) as f64),
+            name,
+            power: Some(1.0 + 0.01 * number as f64),
+            tap_response: Some(20.0),
+        };
+        // Each with a neighbour that is as good.
+        let names = chosen_surfaces().flat_map(|name| [name.to_owned(), format!("nearly {name}")]);
+        let found: Vec<Features> = names.enumerate().map(of).collect();
+        let selected = Selected::new(&found, select(&found, 15).unwrap(), Some((0.14, 1.3)));
+        let rows = selected.beside(&[]).0;
+        let own = |what: &str| rows.iter().find(|row| row.what == what).map(|row| (&row.own, &row.thesis));
+        let [fifteen, cork] = [Value::from(15), Value::from("Cork")];
+        assert_eq!(own("clusters with a surface of the thesis"), Some((&fifteen, &fifteen)));
+        assert_eq!(own("chosen from the cluster of Cork"), Some((&cork, &cork)));
+        assert_eq!(own("mean speed of models, mm/s").map(|(_, thesis)| thesis), Some(&Value::from(130)));
+        let mu = own("largest mu of the toolkit (EPDM foam)").unwrap();
+        assert_eq!(mu, (&"1.5 (nearly Whiteboard)".into(), &Value::from(1.39)));
+        assert_eq!(rows.iter().filter(|row| row.source == "Fig. 4.7").count(), 15);
     }
 }

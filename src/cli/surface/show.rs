@@ -26,7 +26,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     show(&Shown(surface), arguments.json)
 }
 
-fn mm_s(speed_m_s: f64) -> f64 {
+/// Metres to millimetres per second, with the decimals that a file would have.
+pub(super) fn mm_s(speed_m_s: f64) -> f64 {
     format_thousandfold(speed_m_s).parse().unwrap_or(speed_m_s * 1000.0)
 }
 
@@ -51,9 +52,9 @@ impl Serialize for Shown {
                 "mu": friction.mu(), "r_squared": friction.r_squared(), "static_ratio": friction.peak().map(|peak| peak.ratio()),
                 "stribeck_mm_s": friction.peak().map(|peak| 1000.0 * peak.stribeck_m_s()),
             })),
+
             "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
-            "highest_hz": surface.provenance.highest_hz(),
-            "taps": surface.taps.as_ref().map(taps_json),
+            "highest_hz": surface.provenance.highest_hz(), "taps": surface.taps.as_ref().map(taps_json),
             "texture": surface.texture.as_ref().map(texture_json),
             "provenance": { "origin": origin.as_str(), "source": source, "settings": settings, "version": version },
         })
@@ -69,27 +70,17 @@ fn taps_json(taps: &Taps) -> Value {
 fn texture_json(texture: &TextureModel) -> Value {
     let models = texture.models().iter().map(|at| {
         json!({
-            "speed_mm_s": mm_s(at.speed_m_s),
-            "force_n": at.force_n,
-            "kind": kind(at.kind),
-            "ar": at.model.ar(),
-            "ar_lsf": at.model.ar_lsf(),
-            "ma": at.model.ma(),
-            "ma_lsf": at.model.ma_lsf(),
-            "gain": at.model.gain(),
-            "variance": at.model.variance(),
+            "speed_mm_s": mm_s(at.speed_m_s), "force_n": at.force_n, "kind": kind(at.kind),
+            "ar": at.model.ar(), "ar_lsf": at.model.ar_lsf(), "ma": at.model.ma(),
+            "ma_lsf": at.model.ma_lsf(), "gain": at.model.gain(), "variance": at.model.variance(),
             "power_m2_s4": at.model.power(),
         })
     });
     let mut all = json!({
-        "warping": texture.warping(), "highpass_hz": texture.highpass_hz(),
-        "rate_hz": texture.rate_hz(),
-        "ar_order": texture.ar_order(),
-        "ma_order": texture.ma_order(),
-        "max_speed_mm_s": mm_s(texture.max_speed_m_s()),
-        "max_force_n": texture.max_force_n(),
-        "models": models.collect::<Vec<_>>(),
-        "triangles": texture.triangles(),
+        "warping": texture.warping(), "highpass_hz": texture.highpass_hz(), "rate_hz": texture.rate_hz(),
+        "ar_order": texture.ar_order(), "ma_order": texture.ma_order(),
+        "max_speed_mm_s": mm_s(texture.max_speed_m_s()), "max_force_n": texture.max_force_n(),
+        "models": models.collect::<Vec<_>>(), "triangles": texture.triangles(),
     });
     for kind in LAYERS {
         let own = texture.layers().find(|layer| layer.kind().name == kind.name);
@@ -169,14 +160,10 @@ fn describe_taps(taps: &Taps) -> String {
     let centroid = taps.spectral_centroid_hz().map_or_else(String::new, |hz| {
         format!(", spectral centroid {} Hz (mean at 50 to 100 mm/s)", significant(hz, 3))
     });
-    format!(
-        "{} of {} ms at {} Hz, {} to {} mm/s{response}{centroid}",
-        taps.taps().len(),
-        significant(1000.0 * taps.length() as f64 / taps.rate_hz(), 4),
-        taps.rate_hz(),
-        significant(mm_s(first.speed_m_s), 4),
-        significant(mm_s(last.speed_m_s), 4),
-    )
+    let (count, rate_hz) = (taps.taps().len(), taps.rate_hz());
+    let length_ms = significant(1000.0 * taps.length() as f64 / rate_hz, 4);
+    let [first, last] = [first, last].map(|tap| significant(mm_s(tap.speed_m_s), 4));
+    format!("{count} of {length_ms} ms at {rate_hz} Hz, {first} to {last} mm/s{response}{centroid}")
 }
 
 fn describe_texture(texture: &TextureModel) -> String {
@@ -188,15 +175,13 @@ fn describe_texture(texture: &TextureModel) -> String {
         0.0 => order,
         warping => format!("warped {order} (factor {})", significant(warping, 3)),
     };
-    let layers: String =
-        texture.layers().map(|layer| format!("; {}", layer.summary(texture.rate_hz()))).collect();
+    let (models, triangles) = (texture.models().len(), texture.triangles().len());
+    let rate_hz = texture.rate_hz();
+    let layers: String = texture.layers().map(|layer| format!("; {}", layer.summary(rate_hz))).collect();
+    let [speed, force] =
+        [mm_s(texture.max_speed_m_s()), texture.max_force_n()].map(|most| significant(most, 4));
     format!(
-        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{layers}",
-        texture.models().len(),
-        texture.rate_hz(),
-        texture.triangles().len(),
-        significant(mm_s(texture.max_speed_m_s()), 4),
-        significant(texture.max_force_n(), 4),
+        "{models} models {order} at {rate_hz} Hz in {triangles} triangles, to {speed} mm/s and {force} N{layers}"
     )
 }
 

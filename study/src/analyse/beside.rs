@@ -2,7 +2,7 @@
 
 use super::{Analysis, ComparisonRow, RAW, SIGNIFICANT, THESIS, rated, responsiveness};
 use crate::document::{Phase, Study};
-use crate::thesis::published;
+use crate::thesis::{is_same_name, published};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -13,6 +13,8 @@ pub(crate) const REPEATED_STUDIES: [&str; 3] = ["3.3", "4.5", "4.6"];
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct BesideRow {
+    /// Of one's own study.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub phase: String,
     pub what: String,
     pub own: Value,
@@ -27,11 +29,6 @@ pub struct BesideRow {
     "the study does not say which study of the thesis it repeats; add `thesis: \"3.3\"`, \"4.5\" or \"4.6\" to its file before the first participant"
 )]
 pub struct RepeatsNone;
-
-/// Letters and digits of a name: the toolkit's files write it in other ways.
-fn plain(name: &str) -> String {
-    name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
-}
 
 impl Analysis {
     /// The thesis's numbers beside one's own.
@@ -149,7 +146,7 @@ impl Beside<'_> {
             let what = format!("surfaces on which {version} is less similar than {reference}, p < 0.05");
             self.add((phase, source), what, found, &thesis);
             for row in own {
-                let named = printed.iter().find(|(name, _)| plain(name) == plain(&row.surface));
+                let named = printed.iter().find(|(name, _)| is_same_name(name, &row.surface));
                 let Some((_, p)) = named else { continue };
                 let p = if p.is_null() { json!("not significant") } else { p.clone() };
                 let what = format!("{}, {version} against {reference}: p", row.surface);
