@@ -43,6 +43,7 @@ pub mod supervisor;
 mod tests;
 pub mod timer;
 pub mod udp;
+mod watch;
 
 /// Counts allocations, which real-time code must not make.
 #[cfg(test)]
@@ -58,6 +59,7 @@ pub use numbers::{NumberSource, Readers};
 pub use protected::{LimitChange, ProtectedActuator};
 #[cfg(feature = "osc")]
 pub use setting_value::SettingValue;
+pub use watch::FileWatch;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;

@@ -16,7 +16,6 @@ mod start;
 mod status;
 mod streams;
 mod swap;
-mod watch;
 
 pub use event::{DeviceUse, Event, Origin, Request};
 pub use inbox::{MAX_QUEUED, RequestSender, SendError};
@@ -37,6 +36,7 @@ use crate::backend::{BackendError, Connected};
 use crate::drivers::Drivers;
 use crate::osc::OscControl;
 use crate::protected::Protected;
+use crate::watch::FileWatch;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{RingReport, Session, SessionOutcome};
 use history::{History, Notes};
@@ -51,7 +51,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-pub use watch::FileWatch;
 
 /// Polling period.
 const PERIOD: Duration = Duration::from_millis(50);

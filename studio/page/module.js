@@ -55,11 +55,11 @@ export class Module {
         return this.#calls.haptograph_check() ? this.#message() : null;
     }
 
-    // Learns the surface of a recording, { path, bytes }; returns the result as JSON. Throws its errors, as bytes.
+    // Learns the surface of a recording, { path, bytes, mapping }; returns the result as JSON. Throws its errors, as bytes.
     learn(recording) {
         this.put(recording);
-        this.#fill(recording.path);
-        const isLearned = this.#calls.haptograph_learn();
+        this.#fill(recording.path, recording.mapping);
+        const isLearned = this.#calls.haptograph_learn(recording.path.length);
         if (!isLearned) throw this.#message();
         return this.#message();
     }

@@ -1,5 +1,6 @@
 // The surfaces of the folder as swatches, and recordings that are dropped on the page and learned.
 import { find, imageOf, make, setText } from "./dom.js";
+import { headOf, keptMapping, mappingForm } from "./mapping.js";
 
 const MOST_BYTES = 64 * 1024 * 1024;
 
@@ -125,7 +126,7 @@ async function takeJson(studio, file) {
     else studio.loadPreset(file);
 }
 
-async function learn(studio, file) {
+async function learn(studio, file, mapping = undefined) {
     studio.showTab("surfaces");
     const text = make("p");
     const progress = make("progress", { max: 1, "aria-label": `Learning ${file.name}` });
@@ -156,13 +157,21 @@ async function learn(studio, file) {
         );
     text.textContent = `Reading ${file.name}…`;
     const csv = await file.text();
-    const [answer, request] = studio.connection.numbered({ type: "learn", name: file.name, csv });
+    const head = headOf(csv);
+    mapping ??= head && (keptMapping(head.names) ?? undefined);
+    const [answer, request] = studio.connection.numbered({ type: "learn", name: file.name, csv, mapping });
     const cancel = make("button", { text: "Cancel", onclick: () => studio.connection.send({ type: "cancel", request }) });
     text.after(cancel);
     const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
     const reply = await answer;
     clearInterval(timer);
-    if (!reply.ok) return end("bad", `${file.name} was not learned: ${reply.error}`);
+    if (!reply.ok) {
+        // The page has no flags.
+        end("bad", `${file.name} was not learned: ${reply.error.replace(/ Name the columns: --.*/s, "")}`);
+        const again = (chosen) => (box.remove(), learn(studio, file, chosen));
+        if (head && studio.connection.open) text.after(mappingForm(head, again));
+        return;
+    }
     const parameter = parameterOf(studio.graph);
     const chosen = parameter ? await studio.parameter(parameter.name, quoted(reply.change)) : { ok: false };
     const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;

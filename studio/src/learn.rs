@@ -4,11 +4,56 @@ use haptograph_learning::learn::{LearnSettings, LearningReport, learn};
 use haptograph_learning::recording::{ImportSettings, load_with};
 use haptograph_surfaces::Surface;
 use haptograph_surfaces::files::native;
+use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// Maximum length of a surface's name.
 const MAX_LETTERS: usize = 60;
+
+/// A recording that was dropped on the page.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Dropped {
+    /// Name of its file.
+    pub name: String,
+    pub csv: String,
+    #[serde(default)]
+    pub mapping: Mapping,
+}
+
+/// What the columns of a recording hold, as far as their names do not say it.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Mapping {
+    /// Names of columns, and units, by quantity.
+    columns: BTreeMap<String, String>,
+    units: BTreeMap<String, String>,
+    /// Rate of evenly spaced rows without times, Hz.
+    rate_hz: Option<f64>,
+}
+
+impl Mapping {
+    fn settings(&self) -> Result<ImportSettings, String> {
+        let mut settings = ImportSettings { rate_hz: self.rate_hz, ..ImportSettings::default() };
+        for (quantity, column) in &self.columns {
+            settings = settings.with_column(quantity, column)?;
+        }
+        for (quantity, unit) in &self.units {
+            settings = settings.with_unit(quantity, unit)?;
+        }
+        Ok(settings)
+    }
+
+    /// The same as flags of `haptograph learn`.
+    #[cfg(not(target_family = "wasm"))]
+    pub(crate) fn flags(&self) -> impl Iterator<Item = String> {
+        let columns = self.columns.iter().map(|(quantity, column)| format!("--column={quantity}={column}"));
+        let units = self.units.iter().map(|(quantity, unit)| format!("--unit={quantity}={unit}"));
+        let rate = self.rate_hz.map(|rate_hz| format!("--sample-rate={rate_hz}"));
+        columns.chain(units).chain(rate)
+    }
+}
 
 /// A learned surface.
 #[derive(Debug)]
@@ -33,14 +78,14 @@ impl Learned {
 ///
 /// # Errors
 /// A description of the error in the table, without the file's folder, or a note that the table contains no drag.
-pub(crate) fn learn_table(stem: &str, table: &Path) -> Result<Learned, String> {
+pub(crate) fn learn_table(stem: &str, table: &Path, mapping: &Mapping) -> Result<Learned, String> {
     let folder = table.parent().unwrap_or(Path::new("")).to_string_lossy();
     let shown = |error: &dyn Display| match &*folder {
         "" => error.to_string(),
         folder => error.to_string().replace(folder, ""),
     };
     let (recording, _) =
-        load_with(&[table.to_owned()], &ImportSettings::default()).map_err(|error| shown(&error))?;
+        load_with(&[table.to_owned()], &mapping.settings()?).map_err(|error| shown(&error))?;
     let (surface, report) =
         learn(stem, &[recording], &LearnSettings::default(), &|_| ()).map_err(|error| shown(&error))?;
     match surface.texture {

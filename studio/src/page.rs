@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
+pub use super::learn::Mapping;
 pub use super::wire::Message;
 
 /// The host of an engine in a page.
@@ -281,9 +282,9 @@ fn free_file(source: &Source, name: &str) -> Option<PathBuf> {
 ///
 /// # Errors
 /// A description of the error in the recording.
-pub fn learn_recording(recording: &Path) -> Result<[String; 3], String> {
+pub fn learn_recording(recording: &Path, mapping: &Mapping) -> Result<[String; 3], String> {
     let stem = learn::stem(&recording.to_string_lossy());
-    let learned = learn::learn_table(&stem, recording)?;
+    let learned = learn::learn_table(&stem, recording, mapping)?;
     Ok([stem, learned.text(), learned.page()])
 }
 

@@ -2,6 +2,7 @@
 
 use super::describe;
 use super::error::StageError;
+use super::learn::Dropped;
 use super::load::{Loaded, Source};
 use super::pages::{Line, Reach};
 use super::pointer::Pointer;
@@ -21,7 +22,7 @@ pub(crate) enum Response {
     /// Do long work; its answer is a reply to this request.
     Work { request: u64, work: Work },
     /// Learn a surface from a recording, which takes long; then [`reply`].
-    Learn { request: u64, name: String, csv: String },
+    Learn { request: u64, dropped: Dropped },
     /// Cancel the learning of this request.
     Cancel { request: u64 },
 }
@@ -193,7 +194,7 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
             return Response::Answer(reply(request, begun));
         }
         ClientMessage::Save { request, text } => return done_later(request, Work::Save(text)),
-        ClientMessage::Learn { request, name, csv } => return Response::Learn { request, name, csv },
+        ClientMessage::Learn { request, dropped } => return Response::Learn { request, dropped },
         _ => {}
     }
     Response::None

@@ -1,5 +1,6 @@
 //! Messages of the page: parsing, with bounds.
 
+use super::learn::Dropped;
 use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::record::Recording;
 use haptograph_study::conduct::Said;
@@ -83,8 +84,8 @@ pub(crate) enum ClientMessage {
     /// Learn a surface from a recording.
     Learn {
         request: u64,
-        name: String,
-        csv: String,
+        #[serde(flatten)]
+        dropped: Dropped,
     },
     /// Cancel the learning that this page requested under this number.
     Cancel {

@@ -562,6 +562,35 @@ test("what is typed is undone by the keyboard, also what was applied", async (pa
     assert.equal(await text(), before);
 });
 
+programTest("a recording whose columns have foreign names is learned once a person has said what they hold", async () => {
+    const own = await studioOf("graphs/texturepad.ron");
+    const page = await open({ at: own.address });
+    // A hand that strokes faster and slower: what is learned is not judged here.
+    const rows = Array.from({ length: 40_000 }, (_, i) => {
+        const speed = 60 + 40 * Math.sin(i / 4000);
+        return `${i / 10_000},${(1 + 0.5 * Math.sin(i / 9000)).toFixed(4)},${speed.toFixed(3)},${(0.02 * speed * Math.sin(i * i)).toFixed(4)}`;
+    });
+    const file = { name: "foreign.csv", mimeType: "text/csv", buffer: Buffer.from(`q1,q2,q3,q4\n${rows.join("\n")}\n`) };
+    try {
+        await page.setInputFiles("#learn", file);
+        await page.waitForSelector(".mapping", { timeout: 30_000 });
+        await picture(page, "mapping");
+        const quantities = ["time", "force_normal", "speed", "accel"];
+        for (const [i, quantity] of quantities.entries()) await page.selectOption(`.mapping tr:nth-child(${i + 1}) select >> nth=0`, quantity);
+        await page.click(".surface-message .primary");
+        const learned = () => [...document.querySelectorAll(".surface-message p")].some((p) => / was learned;/.test(p.textContent));
+        await until(page, learned, null, 60_000);
+        // The same logger again needs no word.
+        await page.click(".surface-message button");
+        await page.setInputFiles("#learn", { ...file, name: "second.csv" });
+        await until(page, learned, null, 60_000);
+        assert(await page.evaluate(() => studio.graph.surfaces.some(({ path }) => path.includes("second"))));
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
+
 programTest("a parameter that feeds one setting has its unit and range, and is set when it is let go", async () => {
     const text = readFileSync(join(HOME, "graphs/texturepad.ron"), "utf8")
         .replace("parameters: {", 'parameters: { "soft_hz": 20.0,')

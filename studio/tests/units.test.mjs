@@ -13,6 +13,7 @@ import { pointers, read } from "../page/frames.js";
 import { Hands, tiltOf } from "../page/hands.js";
 import { completions, helpOf } from "../page/help.js";
 import { GRAPH } from "../page/keys.js";
+import { guessed, headOf } from "../page/mapping.js";
 import { Levels } from "../page/levels.js";
 import { locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
@@ -29,6 +30,15 @@ test("every module of the page is a module", () => {
         });
         assert.equal(status, 0, `${name}: ${stderr}`);
     }
+});
+
+test("the columns of a foreign recording are named, drawn and guessed", () => {
+    const { names, columns } = headOf('# a note\n"clock";pressing;v_tip;vib\n0,5;1;60;-0,25\n1;x;61;0\n');
+    assert.deepEqual(names, ["clock", "pressing", "v_tip", "vib"]);
+    assert.deepEqual(columns, [[0.5, 1], [1, NaN], [60, 61], [-0.25, 0]]);
+    assert.deepEqual(guessed(names), ["time", "force_normal", "speed", "accel"]);
+    assert.deepEqual(guessed(["vib", "vib 2", "note"]), ["accel", null, null]);
+    for (const none of ["", "1,2\n3,4\n", "one column\n"]) assert.equal(headOf(none), null);
 });
 
 test("an archive has its files with their checksums", async () => {

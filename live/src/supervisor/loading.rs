@@ -1,8 +1,8 @@
 //! Loading of a graph while another one runs, on a thread of its own that may be slow, hang or panic. The
 //! caller polls the result and abandons it after a time limit.
 
-use super::watch::{FileWatch, stamp};
 use crate::protected::Protected;
+use crate::watch::{FileWatch, stamp};
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};

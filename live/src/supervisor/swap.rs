@@ -3,8 +3,8 @@
 use super::history::History;
 use super::loading::{LoadOutcome, LoadedGraph, Loading};
 use super::requests::{PendingChange, Verbosity};
-use super::watch::FileWatch;
 use super::{DeviceUse, Event, Origin, Request, SavedGraph, Supervisor};
+use crate::watch::FileWatch;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Change, Changed};

@@ -6,6 +6,7 @@ use super::visits::Pass;
 use super::{blocking, lock, save::save, with_stage};
 use crate::describe;
 use crate::error::StageError;
+use crate::learn::Dropped;
 use crate::pages::{Line, LineError, Page, Reach};
 use crate::run_page::REPORT;
 use crate::stage::Stage;
@@ -262,7 +263,7 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             connection.exclusive.learning.cancel(connection.page, Some(request));
             None
         }
-        Response::Learn { request, name, csv } => {
+        Response::Learn { request, dropped } => {
             let refused = |why: &str| Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
             let Some(learner) = connection.learner else {
                 return refused("this studio cannot learn surfaces");
@@ -273,7 +274,7 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             let connection = connection.clone();
             tokio::spawn(async move {
                 let (stage, page) = (Arc::clone(&connection.stage), connection.page);
-                let learned = blocking(move || learned(&stage, page, (turn, learner), (&name, &csv))).await;
+                let learned = blocking(move || learned(&stage, page, (turn, learner), &dropped)).await;
                 let answer = match learned.unwrap_or_else(failed) {
                     Ok((path, report)) => {
                         let mut answer = talk::reply(request, Ok(path));
@@ -366,7 +367,7 @@ fn learned(
     stage: &Mutex<Stage>,
     page: u64,
     (turn, learner): (Turn, Learner),
-    (name, csv): (&str, &str),
+    dropped: &Dropped,
 ) -> Result<(String, Option<String>), StageError> {
     let graph = {
         let stage = lock(stage);
@@ -375,7 +376,7 @@ fn learned(
         }
         stage.source.folder().to_owned()
     };
-    let learned = turn.surface(learner, (name, csv.as_bytes()), &describe::surface_folder(&graph));
+    let learned = turn.surface(learner, dropped, &describe::surface_folder(&graph));
     drop(turn);
     let (path, report) = learned.map_err(StageError::Other)?;
     // Draws the swatch before the stage is locked.

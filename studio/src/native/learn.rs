@@ -1,6 +1,6 @@
 //! Learns a surface from a recording dropped on the page, in a process of its own: what fails there ends nothing else.
 
-use crate::learn::{FULL, paths, stem};
+use crate::learn::{Dropped, FULL, paths, stem};
 use crate::run_page::REPORT;
 use haptograph_signal::files;
 use std::fs::File;
@@ -11,7 +11,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The program that learns the recording `table`, writes its surface to `surface`, and the page about it, `report.html`, into
-/// the folder `report`. All three are names in the folder in which it is started. It describes an error on its standard
+/// the folder `report`. All three are names in the folder in which it is started; flags of `learn` for the columns of the table follow. It
+/// describes an error on its standard
 /// error stream, in a line that begins with `error: ` and those after it, and fails.
 pub type Learner = fn(table: &Path, surface: &Path, report: &Path) -> io::Result<Command>;
 
@@ -108,18 +109,19 @@ impl Turn {
     pub(super) fn surface(
         &self,
         learner: Learner,
-        (name, table): (&str, &[u8]),
+        Dropped { name, csv, mapping }: &Dropped,
         folder: &Path,
     ) -> Result<(PathBuf, Vec<u8>), String> {
         let stem = stem(name);
         let stored = |error: io::Error| format!("cannot store the recording: {error}");
         let workplace = tempfile::tempdir().map_err(stored)?;
         let [table_name, made, errors] = ["csv", "ron", "errors"].map(|ending| format!("{stem}.{ending}"));
-        std::fs::write(workplace.path().join(&table_name), table).map_err(stored)?;
+        std::fs::write(workplace.path().join(&table_name), csv).map_err(stored)?;
         let errors = workplace.path().join(errors);
         let failed = |error: io::Error| format!("cannot start the process that learns: {error}");
         let mut command = learner(table_name.as_ref(), made.as_ref(), "report".as_ref()).map_err(failed)?;
         command
+            .args(mapping.flags())
             .current_dir(workplace.path())
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -259,7 +261,8 @@ mod tests {
         let (learning, folder) = (Learning::default(), tempfile::tempdir().expect("a folder"));
         let turn = learning.begin(1, 2).expect("nothing is learned");
         let path = folder.path().to_owned();
-        let thread = std::thread::spawn(move || turn.surface(learner, ("x.csv", b"a"), &path).map(drop));
+        let dropped = Dropped { name: "x.csv".to_owned(), csv: "a".to_owned(), mapping: Default::default() };
+        let thread = std::thread::spawn(move || turn.surface(learner, &dropped, &path).map(drop));
         (learning, thread, folder)
     }
 

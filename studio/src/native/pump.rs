@@ -4,7 +4,7 @@ use super::lock;
 use crate::clock::PERIOD;
 use crate::publish::{Publisher, STEP};
 use crate::stage::Stage;
-use haptograph_live::supervisor::FileWatch;
+use haptograph_live::FileWatch;
 use std::sync::{Mutex, Weak};
 use std::time::{Duration, Instant};
 

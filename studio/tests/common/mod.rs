@@ -43,7 +43,7 @@ pub fn learn_here() {
     while text.starts_with("wait") {
         std::thread::park();
     }
-    match learn_recording(&table) {
+    match learn_recording(&table, &Default::default()) {
         Ok([_, text, page]) => {
             std::fs::write(surface, text).expect("written");
             std::fs::create_dir(&report).expect("made");

@@ -7,7 +7,7 @@
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
-use haptograph_studio::page::{Checker, Engine, Message, Opened, learn_recording};
+use haptograph_studio::page::{Checker, Engine, Mapping, Message, Opened, learn_recording};
 use serde_json::json;
 use std::cell::RefCell;
 use std::path::Path;
@@ -180,15 +180,19 @@ pub extern "C" fn haptograph_follow() {
     });
 }
 
-/// Learns the surface of a recording, a file whose path is in the input buffer. Returns 1 with the message `{ "name",
+/// Learns the surface of a recording; the input buffer holds the path of its file, `path_length` bytes, and then what its columns are, as
+/// in the message `learn`. Returns 1 with the message `{ "name",
 /// "surface", "report" }`, where `surface` is the text of the surface file and `report` that of the page; or 0 with the
 /// reason as the message.
 #[unsafe(no_mangle)]
-pub extern "C" fn haptograph_learn() -> u32 {
+pub extern "C" fn haptograph_learn(path_length: usize) -> u32 {
     keep_panics();
     with(|state| {
-        let path = String::from_utf8_lossy(&state.room).into_owned();
-        let (message, is_learned) = match learn_recording(Path::new(&path)) {
+        let (path, mapping) = state.room.split_at(path_length.min(state.room.len()));
+        let path = String::from_utf8_lossy(path);
+        let mapping = serde_json::from_slice::<Mapping>(mapping).map_err(|error| error.to_string());
+        let learned = mapping.and_then(|mapping| learn_recording(Path::new(&*path), &mapping));
+        let (message, is_learned) = match learned {
             Ok([name, surface, report]) => {
                 let learned = json!({ "name": name, "surface": surface, "report": report });
                 (learned.to_string(), 1)

@@ -15,7 +15,7 @@ pub struct FileWatch {
 }
 
 /// Time and length; `None` while the file is missing, since some editors write a new file and rename it.
-pub(super) type Stamp = Option<(SystemTime, u64)>;
+pub(crate) type Stamp = Option<(SystemTime, u64)>;
 
 impl FileWatch {
     /// From the present state of the files on.
@@ -36,7 +36,8 @@ impl FileWatch {
     }
 
     /// Also watches the files of another graph; pending changes of files already watched stay pending.
-    pub(super) fn also(&mut self, other: Self) {
+    #[cfg(feature = "supervisor")]
+    pub(crate) fn also(&mut self, other: Self) {
         for (path, stamp) in other.files {
             if !self.files.iter().any(|(known, _)| *known == path) {
                 self.files.push((path, stamp));
@@ -45,7 +46,8 @@ impl FileWatch {
     }
 
     /// Watches the files of another graph instead; pending changes of files in both stay pending.
-    pub(super) fn turn_to(&mut self, other: Self) {
+    #[cfg(feature = "supervisor")]
+    pub(crate) fn turn_to(&mut self, other: Self) {
         let before = std::mem::replace(&mut self.files, other.files);
         for (path, stamp) in &mut self.files {
             if let Some((_, known)) = before.iter().find(|(known, _)| known == path) {
@@ -72,7 +74,7 @@ impl FileWatch {
 }
 
 /// Modification time and length of a file; `None` if it does not exist.
-pub(super) fn stamp(path: &Path) -> Stamp {
+pub(crate) fn stamp(path: &Path) -> Stamp {
     let facts = std::fs::metadata(path).ok()?;
     Some((facts.modified().ok()?, facts.len()))
 }
