@@ -407,18 +407,10 @@ impl Analysis {
                     analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
                 }
                 Phase::ConstantStimuli(_) | Phase::Staircase(_) => {
-                    analysis.thresholds(
-                        &name.text,
-                        phase.varied().map_or(0.0, |(.., standard)| standard),
-                        &of_phase,
-                    );
+                    analysis.thresholds(&name.text, phase.facts().standard(), &of_phase);
                 }
                 Phase::TwoAlternative(_) => analysis.choices(&name.text, &of_phase),
-                Phase::Practice(_)
-                | Phase::Explore(_)
-                | Phase::Record(_)
-                | Phase::Break(_)
-                | Phase::Questions(_) => {}
+                _ => {}
             }
         }
         analysis

@@ -518,8 +518,8 @@ impl Conductor {
         }
         let stimulus = current.places[current.place];
         let is_second = (current.place == 1) != current.trial.is_swapped;
-        let level = match (phase.varied(), is_second) {
-            (Some((.., standard)), false) => Some(standard),
+        let level = match (phase.facts().varied, is_second) {
+            (Some(varied), false) => Some(varied.standard),
             _ => current.trial.level,
         };
         let code = seat.code.clone();
@@ -606,7 +606,10 @@ impl Conductor {
             let phase = &self.checked.study.phases.0[current.trial.phase].1;
             let is_record = matches!(phase, Phase::Record(_));
             let is_reached = current.is_forced
-                || phase.length_s().map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
+                || phase
+                    .facts()
+                    .length_s
+                    .map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
             if current.opened_s.is_none() && is_reached {
                 current.opened_s = Some(now_s);
                 return Ok(if is_record { Step::Silence } else { Step::None });

@@ -1,16 +1,11 @@
 //! The trials of a participant, drawn from the study's seed and the participant's code alone.
 
-use crate::document::{
-    Arrange, Compare, Factor, Level, Pairs, Phase, Presented, Study, TwoAlternative, Version,
-};
+use crate::document::{Arrange, Compare, Factor, Level, Phase, Presented, Study};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::settings::Named;
 use haptograph_signal::noise::stream_seed;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-
-/// All versions of a virtual surface.
-pub(crate) const ALL_VERSIONS: Presented = Presented::Virtual(Version { version: None });
 
 /// What is presented: a surface, real or in one of the versions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,7 +62,7 @@ impl Study {
 
     /// True if a phase belongs to a group.
     pub fn is_of_group(&self, phase: usize, group: usize) -> bool {
-        let groups = self.phases.0[phase].1.groups();
+        let groups = self.phases.0[phase].1.facts().groups;
         groups.is_empty() || groups.iter().any(|name| name.text == self.group_name(group))
     }
 
@@ -124,7 +119,7 @@ impl Study {
             }
             let mut draw = Draw::new(self.seed, participant, &name.text);
             let mut own = self.trials_of(phase, &mut draw);
-            let training = draw.some_of(&own, phase.training());
+            let training = draw.some_of(&own, phase.facts().training);
             own.splice(0..0, training.into_iter().map(|trial| Trial { is_training: true, ..trial }));
             trials.extend(own.into_iter().map(|trial| Trial { phase: number, ..trial }));
         }
@@ -136,168 +131,13 @@ impl Study {
 
     /// The trials of a phase, without training.
     fn trials_of(&self, phase: &Phase, draw: &mut Draw) -> Vec<Trial> {
-        let one = |first: Stimulus| Trial { first: Some(first), ..Trial::default() };
-        match phase {
-            Phase::Questions(phase) => {
-                let of = |question| Trial { question: Some(question), ..Trial::default() };
-                (0..phase.questions.0.len()).map(of).collect()
+        let (facts, cells) = (phase.facts(), self.cells(phase).collect::<Vec<_>>());
+        match facts.order {
+            Some(order) => draw.repeated(facts.repeats, &cells, order),
+            None => {
+                let blocks = (0..facts.repeats).flat_map(|_| draw.shuffled(cells.clone())).collect();
+                draw.with_sides(blocks)
             }
-            Phase::Practice(practice) if practice.stimuli.is_empty() => vec![Trial::default()],
-            Phase::Practice(practice) => {
-                self.stimuli(&practice.stimuli, &practice.surfaces).into_iter().map(one).collect()
-            }
-            Phase::Explore(explore) => {
-                let trials = self.stimuli(&explore.stimuli, &explore.surfaces).into_iter().map(one);
-                draw.repeated(1, &trials.collect::<Vec<_>>(), &explore.order)
-            }
-            Phase::Rate(rate) => {
-                let scales = Self::some(&rate.scales, &self.scales);
-                let stimuli = self.stimuli(&rate.stimuli, &rate.surfaces);
-                let cells = scales.iter().flat_map(|scale| {
-                    stimuli.iter().map(|stimulus| Trial { scale: Some(*scale), ..one(*stimulus) })
-                });
-                let cells: Vec<Trial> = cells.collect();
-                draw.repeated(rate.repeats, &cells, &rate.order)
-            }
-            Phase::Compare(compare) => {
-                let cells = self.compared(compare);
-                draw.repeated(compare.repeats, &cells, &compare.order)
-            }
-            Phase::TwoAlternative(of) => {
-                let pairs = self.alternatives(of);
-                let blocks = (0..of.repeats).flat_map(|_| draw.shuffled(pairs.clone())).collect();
-                draw.with_sides_in_order(blocks)
-            }
-            Phase::Break(_) => vec![Trial::default()],
-            Phase::Record(record) => {
-                let cells = self.stimuli(&[Presented::Real], &record.surfaces).into_iter().map(one);
-                draw.repeated(record.takes, &cells.collect::<Vec<_>>(), &record.order)
-            }
-            Phase::Pairs(pairs) => draw.with_sides(self.paired(pairs)),
-            Phase::ConstantStimuli(phase) => {
-                let stimulus = self.virtual_one(&phase.surface);
-                let levels = phase.levels.iter().map(|level| Trial {
-                    first: stimulus,
-                    second: stimulus,
-                    level: Some(*level),
-                    ..Trial::default()
-                });
-                let levels: Vec<Trial> = levels.collect();
-                let blocks = (0..phase.repeats).flat_map(|_| draw.shuffled(levels.clone())).collect();
-                draw.with_sides_in_order(blocks)
-            }
-            Phase::Staircase(phase) => {
-                let stimulus = self.virtual_one(&phase.surface);
-                let trial = Trial { first: stimulus, second: stimulus, ..Trial::default() };
-                draw.with_sides_in_order(vec![trial; phase.at_most as usize])
-            }
-        }
-    }
-
-    /// Each version beside its real surface.
-    pub(crate) fn compared(&self, compare: &Compare) -> Vec<Trial> {
-        let presented = [ALL_VERSIONS];
-        let versions = self.some_versions(&compare.versions);
-        let stimuli = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
-            let is_real = self.surfaces.0[stimulus.surface].1.sample.is_some();
-            is_real && stimulus.version.is_some_and(|version| versions.contains(&version))
-        });
-        let scale = self.scales.find(&compare.scale.text);
-        let trial = |stimulus| {
-            let real = Stimulus { version: None, ..stimulus };
-            Trial { scale, first: Some(real), second: Some(stimulus), ..Trial::default() }
-        };
-        stimuli.map(trial).collect()
-    }
-
-    /// Each pair of stimuli.
-    fn paired(&self, pairs: &Pairs) -> Vec<Trial> {
-        let scale = self.scales.find(&pairs.scale.text);
-        Self::pairs_of(&self.stimuli(&pairs.stimuli, &pairs.surfaces), scale)
-    }
-
-    /// The pairs of which one is chosen, once each.
-    pub(crate) fn alternatives(&self, of: &TwoAlternative) -> Vec<Trial> {
-        let mut pairs = Self::pairs_of(&self.stimuli(&of.stimuli, &of.surfaces), None);
-        let surface = |of: Option<Stimulus>| of.map(|of| of.surface);
-        pairs.retain(|trial| of.across_surfaces || surface(trial.first) == surface(trial.second));
-        pairs
-    }
-
-    /// Every pair of some stimuli.
-    fn pairs_of(stimuli: &[Stimulus], scale: Option<usize>) -> Vec<Trial> {
-        let all = stimuli.iter().enumerate().flat_map(|(at, first)| {
-            let of = move |second: &Stimulus| Trial {
-                scale,
-                first: Some(*first),
-                second: Some(*second),
-                ..Trial::default()
-            };
-            stimuli[at + 1..].iter().map(of)
-        });
-        all.collect()
-    }
-
-    /// The first version of a virtual surface.
-    fn virtual_one(&self, surface: &Name) -> Option<Stimulus> {
-        Some(Stimulus { surface: self.surfaces.find(&surface.text)?, version: Some(0) })
-    }
-}
-
-impl Phase {
-    /// The groups that take part; all if empty.
-    pub fn groups(&self) -> &[Name] {
-        self.common().0
-    }
-
-    /// Its instruction.
-    pub fn text(&self) -> &str {
-        self.common().1
-    }
-
-    /// What every phase has: groups and instruction.
-    fn common(&self) -> (&[Name], &str) {
-        match self {
-            Self::Practice(of) => (&of.groups, &of.text),
-            Self::Explore(of) => (&of.groups, &of.text),
-            Self::Rate(of) => (&of.groups, &of.text),
-            Self::Compare(of) => (&of.groups, &of.text),
-            Self::Pairs(of) => (&of.groups, &of.text),
-            Self::TwoAlternative(of) => (&of.groups, &of.text),
-            Self::Break(of) => (&of.groups, &of.text),
-            Self::Record(of) => (&of.groups, &of.text),
-            Self::Questions(of) => (&of.groups, &of.text),
-            Self::ConstantStimuli(of) => (&of.groups, &of.text),
-            Self::Staircase(of) => (&of.groups, &of.text),
-        }
-    }
-
-    /// Name of its kind.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Practice(_) => "practice",
-            Self::Explore(_) => "free exploration",
-            Self::Rate(_) => "ratings",
-            Self::Compare(_) => "comparisons with the real surface",
-            Self::Pairs(_) => "pairs",
-            Self::TwoAlternative(_) => "choices",
-            Self::Break(_) => "break",
-            Self::Record(_) => "recordings",
-            Self::Questions(_) => "questions",
-            Self::ConstantStimuli(_) => "constant stimuli",
-            Self::Staircase(_) => "staircase",
-        }
-    }
-
-    /// Number of training trials.
-    pub fn training(&self) -> u32 {
-        match self {
-            Self::Rate(phase) => phase.training,
-            Self::Compare(phase) => phase.training,
-            Self::Pairs(phase) => phase.training,
-            Self::ConstantStimuli(phase) => phase.training,
-            Self::TwoAlternative(phase) => phase.training,
-            _ => 0,
         }
     }
 }
@@ -349,14 +189,8 @@ impl Draw {
         some
     }
 
-    /// Shuffled, the second stimulus on the left in half of the trials.
-    fn with_sides(&mut self, trials: Vec<Trial>) -> Vec<Trial> {
-        let trials = self.shuffled(trials);
-        self.with_sides_in_order(trials)
-    }
-
     /// The second stimulus on the left, or before the other, in half of the trials; of an odd one by lot.
-    fn with_sides_in_order(&mut self, mut trials: Vec<Trial>) -> Vec<Trial> {
+    fn with_sides(&mut self, mut trials: Vec<Trial>) -> Vec<Trial> {
         let odd = self.below(2);
         let sides = (0..trials.len()).map(|at| (at + odd) % 2 == 1).collect();
         for (trial, side) in trials.iter_mut().zip(self.shuffled(sides)) {

@@ -190,7 +190,7 @@ impl<'p> Person<'p> {
     }
 
     fn choose(&mut self, study: &Checked, trial: &Trial, row: &mut Row) {
-        let standard = study.study.phases.0[trial.phase].1.varied().map_or(0.0, |(.., standard)| standard);
+        let standard = study.study.phases.0[trial.phase].1.facts().standard();
         let level = trial.level.unwrap_or(standard);
         let difference = (level - standard).abs() / self.people.threshold;
         if level == standard {
@@ -233,7 +233,7 @@ fn run_until_open(
     let driver = graph.drivers().first().map(|driver| graph.clocks()[*driver].rate.hz());
     let rate_hz = driver.unwrap_or(1.0);
     let step = (rate_hz / 100.0).max(1.0) as usize;
-    let least_s = if phase.gates().is_none_or(|gates| gates.0.is_empty()) { 0.5 } else { 0.0 };
+    let least_s = if phase.facts().gates.is_empty() { 0.5 } else { 0.0 };
     let mut seconds = 0.0;
     while seconds < longest_s && (seconds < least_s || !tally.is_open()) {
         player.process(step);
@@ -325,7 +325,7 @@ impl Checked {
         let phase = &self.study.phases.0[trial.phase].1;
         let mut all = TrialRun { seconds: 0.0, is_open: true, measures: Vec::new() };
         let Some(longest_s) = longest_s else { return Ok(all) };
-        let of = [(trial.first, phase.varied().map(|(.., standard)| standard)), (trial.second, trial.level)];
+        let of = [(trial.first, phase.facts().varied.map(|of| of.standard)), (trial.second, trial.level)];
         let of: Vec<_> = of.into_iter().filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
         for (number, (stimulus, level)) in of.iter().enumerate() {
             let graph = self.graph(registry, phase, (*stimulus, *level), seed)?;

@@ -46,7 +46,7 @@ impl Port {
 impl Tally {
     /// Of a stimulus of a phase, before its first run.
     pub fn new(study: &Study, phase: &Phase) -> Self {
-        let gates = phase.gates().map_or(Vec::new(), |gates| gates.0.clone());
+        let gates = phase.facts().gates.to_vec();
         let measures: Vec<String> = study.measures.iter().map(|name| name.text.clone()).collect();
         let mut names: Vec<&String> =
             gates.iter().map(|(_, gate)| &gate.port.text).chain(&measures).collect();

@@ -3,6 +3,7 @@
 use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped, attempted};
 use crate::document::{Phase, Question};
 use crate::order::Trial;
+use crate::phase::Asks;
 use std::collections::BTreeSet;
 
 impl Conductor {
@@ -118,33 +119,31 @@ impl Conductor {
             let place = answer.choice.filter(|place| *place < 2).ok_or("none of the two is chosen")?;
             Ok::<_, String>((place == 1) != trial.is_swapped)
         };
-        match &self.checked.study.phases.0[trial.phase].1 {
-            Phase::Practice(_) | Phase::Record(_) | Phase::Break(_) => {}
-            Phase::TwoAlternative(_) => {
+        let facts = self.checked.study.phases.0[trial.phase].1.facts();
+        match facts.asks {
+            Asks::Nothing | Asks::Take => {}
+            Asks::Words(_) => row.text = words(false)?,
+            Asks::Line => row.rating = Some(rating(0.0, 1.0)?),
+            Asks::Which(_) => {
                 let chosen = if is_second()? { trial.second } else { trial.first };
                 row.choice = chosen.map_or_else(String::new, |of| self.checked.name(of));
             }
-            Phase::Explore(_) => row.text = words(false)?,
-            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => row.rating = Some(rating(0.0, 1.0)?),
-            Phase::Questions(phase) => {
-                let question = trial.question.and_then(|at| phase.questions.0.get(at));
-                match question.map(|(_, question)| question) {
-                    Some(Question::Number(of)) => row.rating = Some(rating(of.from, of.to)?),
-                    Some(Question::Choice(of)) => {
-                        let chosen = answer.choice.and_then(|at| of.of.get(at));
-                        row.choice = chosen.ok_or("no answer is chosen")?.clone();
-                    }
-                    Some(Question::Text(of)) => row.text = words(of.optional)?,
-                    None => {}
-                }
-            }
-            phase @ (Phase::ConstantStimuli(_) | Phase::Staircase(_)) => {
+            Asks::More(_) => {
                 let is_second = is_second()?;
                 row.choice = if is_second { "comparison" } else { "standard" }.to_owned();
-                let standard = phase.varied().map_or(0.0, |(.., standard)| standard);
+                let standard = facts.standard();
                 let level = trial.level.unwrap_or(standard);
                 row.is_right = (level != standard).then_some(is_second == (level > standard));
             }
+            Asks::Question(of) => match trial.question.and_then(|at| of.0.get(at)) {
+                Some((_, Question::Number(of))) => row.rating = Some(rating(of.from, of.to)?),
+                Some((_, Question::Choice(of))) => {
+                    let chosen = answer.choice.and_then(|at| of.of.get(at));
+                    row.choice = chosen.ok_or("no answer is chosen")?.clone();
+                }
+                Some((_, Question::Text(of))) => row.text = words(of.optional)?,
+                None => {}
+            },
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use super::{Conductor, Current, Seat, State};
 use crate::document::{Masking, Page, Phase, Question, TEXTS};
+use crate::phase::Asks;
 use haptograph_engine::settings::Setting;
 use serde_json::{Map, Value, json};
 
@@ -62,7 +63,7 @@ impl Conductor {
         let turns = current.has_turns().then(|| json!({ "now": current.place, "felt": current.felt }));
         let is_open = current.opened_s.is_some();
         json!({
-            "state": "trial", "trial": current.trial.number, "of": seat.trials.len(), "text": phase.text(),
+            "state": "trial", "trial": current.trial.number, "of": seat.trials.len(), "text": phase.facts().text,
             "input": self.input(phase, current),
             "turns": turns,
             // What is only laid out is felt beside the page.
@@ -82,15 +83,13 @@ impl Conductor {
                 |(_, of)| json!({ "kind": "line", "ask": of.ask, "from": of.from, "to": of.to }),
             )
         };
-        match phase {
-            Phase::Practice(_) | Phase::Break(_) => json!({ "kind": "none", "ask": "" }),
-            Phase::Record(_) => json!({ "kind": "record", "ask": "" }),
-            Phase::TwoAlternative(of) => json!({ "kind": "which", "ask": of.ask }),
-            Phase::Explore(of) => json!({ "kind": "words", "ask": of.ask, "optional": false }),
-            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(),
-            Phase::ConstantStimuli(of) => json!({ "kind": "which", "ask": of.ask }),
-            Phase::Staircase(of) => json!({ "kind": "which", "ask": of.ask }),
-            Phase::Questions(of) => match current.trial.question.and_then(|at| of.questions.0.get(at)) {
+        match phase.facts().asks {
+            Asks::Nothing => json!({ "kind": "none", "ask": "" }),
+            Asks::Take => json!({ "kind": "record", "ask": "" }),
+            Asks::Words(ask) => json!({ "kind": "words", "ask": ask, "optional": false }),
+            Asks::Line => line(),
+            Asks::Which(ask) | Asks::More(ask) => json!({ "kind": "which", "ask": ask }),
+            Asks::Question(of) => match current.trial.question.and_then(|at| of.0.get(at)) {
                 Some((_, Question::Number(of))) => {
                     json!({ "kind": "number", "ask": of.ask, "from": of.from, "to": of.to })
                 }
@@ -152,7 +151,7 @@ impl Conductor {
     /// The conditions of what is felt now, and the part of each that is reached; of a recording the time that is left.
     fn conditions(&self, current: &Current, now_s: f64) -> Vec<Value> {
         let part = |part: f64| (part * 50.0).floor() / 50.0;
-        if let Some(length_s) = self.checked.study.phases.0[current.trial.phase].1.length_s() {
+        if let Some(length_s) = self.checked.study.phases.0[current.trial.phase].1.facts().length_s {
             let done_s = current.explored_s(now_s).min(length_s);
             let left = format!("{:.0} s", (length_s - done_s).ceil());
             return vec![json!({ "name": left, "part": part(done_s / length_s.max(1e-9)) })];
