@@ -11,7 +11,7 @@ use super::table::{significant, table};
 use super::{Failure, print};
 use crate::engine::registry::Registry;
 use clap::{Subcommand, ValueEnum};
-use haptograph_study::analyse::{Analysis, BesideRow};
+use haptograph_study::analyse::{AbxRow, Analysis, BesideRow, ChoiceRow};
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{Folder, Row};
 use serde::Serialize;
@@ -161,9 +161,8 @@ struct Plan {
 
 impl CommandResult for Plan {
     fn text(&self) -> String {
-        let name = |surface: &str, version: &str| match surface {
-            "" => String::new(),
-            _ => format!("{surface}, {version}"),
+        let name = |surface: &str, version: &str| {
+            if surface.is_empty() { String::new() } else { format!("{surface}, {version}") }
         };
         let row = |trial: &Row| {
             let first = name(&trial.first_surface, &trial.first_version);
@@ -264,18 +263,8 @@ impl CommandResult for Analysed {
                 let sizes = [row.p_greenhouse_geisser, row.partial_eta_squared].map(maybe);
                 names.into_iter().chain([df, number(row.f), number(row.p)]).chain(sizes).collect()
             });
-            let header = [
-                "phase",
-                "scale or surface",
-                "test",
-                "term",
-                "df",
-                "F or chi2",
-                "p",
-                "p (GG)",
-                "partial eta2",
-            ];
-            text += &format!("\n{}", table(&header, &rows.collect::<Vec<_>>()));
+            let header = "phase,scale or surface,test,term,df,F or chi2,p,p (GG),partial eta2".split(',');
+            text += &format!("\n{}", table(&header.collect::<Vec<_>>(), &rows.collect::<Vec<_>>()));
         }
         text += &self.fits();
         if !self.beside.is_empty() {
@@ -305,20 +294,27 @@ impl Analysed {
             );
         }
         for row in &of.choices {
-            let (share, low, high) =
-                (number(100.0 * row.share_of_first), number(100.0 * row.low), number(100.0 * row.high));
+            let ChoiceRow { phase, first, second, answers, people, .. } = row;
+            let [share, low, high] =
+                [row.share_of_first, row.low, row.high].map(|share| number(100.0 * share));
+            let [p, p_of_people] = [row.p_of_answers, row.p_of_people].map(number);
             text += &format!(
-                "{}: {} rather than {}: {share} % ({low} to {high}) of {} answers, p {} (sign test over {} people: p {})\n",
-                row.phase,
-                row.first,
-                row.second,
-                row.answers,
-                number(row.p_of_answers),
-                row.people,
-                number(row.p_of_people)
+                "{phase}: {first} rather than {second}: {share} % ({low} to {high}) of {answers} answers, p {p} (sign test over {people} people: p {p_of_people})\n"
             );
         }
-        for row in &of.scree {
+        for row in &of.abx {
+            let AbxRow { phase, pair, participant, answers, .. } = row;
+            let whose = if participant.is_empty() { "all" } else { participant };
+            let [share, low, high] = [row.share_right, row.low, row.high].map(|share| number(100.0 * share));
+            let [d, d_low, d_high] = [row.d_prime, row.d_prime_low, row.d_prime_high].map(maybe);
+            let people =
+                row.p_of_people.map_or_else(String::new, |p| format!(" (over people: p {})", number(p)));
+            text += &format!(
+                "{phase}, {whose}: X found in {pair}: {share} % ({low} to {high}) of {answers} answers, p {}{people}, d' {d} ({d_low} to {d_high})\n",
+                number(row.p)
+            );
+        }
+        for row in &of.maps.scree {
             text += &format!(
                 "{}: {} dimensions, stress {}, R2 {}\n",
                 row.phase,

@@ -2,7 +2,7 @@
 
 use crate::analyse::REPEATED_STUDIES;
 use crate::data::{DataError, Identity, Row, check_code};
-use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf, TEXTS};
+use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf, texts};
 use crate::order::{Stimulus, Trial, distinct, square_rows};
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
@@ -155,11 +155,12 @@ impl Checked {
             _ => None,
         };
         let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
+        let x = phase.facts().has_x().then(|| format!("X is {}", ["A", "B"][usize::from(trial.is_swapped)]));
         Row {
             trial: trial.number,
             phase: name.text.clone(),
             training: trial.is_training,
-            scale: scale.or(question).unwrap_or_default(),
+            scale: scale.or(question).or(x).unwrap_or_default(),
             first_surface: surface(trial.first),
             first_version: version(trial.first),
             second_surface: surface(trial.second),
@@ -345,10 +346,9 @@ impl Checked {
         let is_latin = |(_, phase): &(Name, Phase)| {
             phase.facts().order.into_iter().flatten().any(|level| level.arrange == Arrange::Latin)
         };
-        match self.study.phases.0.iter().any(is_latin) && !code.ends_with(|c: char| c.is_ascii_digit()) {
-            true => Err(DataError::NoNumber { code: code.to_owned() }),
-            false => Ok(()),
-        }
+        let has_number = code.ends_with(|c: char| c.is_ascii_digit());
+        let is_lacking = !has_number && self.study.phases.0.iter().any(is_latin);
+        if is_lacking { Err(DataError::NoNumber { code: code.to_owned() }) } else { Ok(()) }
     }
 
     /// What the study renders: the phase, the stimulus and the level of the varied parameter, once for the same parameters.
@@ -401,6 +401,10 @@ impl Names<'_> {
             self.known(phase.facts().groups, &study.groups, "group");
             self.names_of(phase);
             self.order(name, phase);
+            if phase.facts().has_x() && phase.facts().presents.0.contains(&Presented::Real) {
+                let message = format!("phase `{}` has a real X: which one it is can be seen", name.text);
+                self.wrong("E0304", name, [&message, "of this phase", "write `stimuli: [Virtual]`"]);
+            }
             // Counted, not made: there may be more than memory holds.
             let cells = || study.cells(phase).take(MOST_TRIALS + 1).count();
             let trials = cells().saturating_mul(phase.facts().repeats as usize);
@@ -408,10 +412,8 @@ impl Names<'_> {
                 let count = if trials == 0 { "no" } else { "too many" };
                 let message =
                     format!("phase `{}` has {count} trials; 1 to {MOST_TRIALS} are possible", name.text);
-                let wrong = Diagnostic::error("E0304", name.span, message).label("none, or too many");
-                self.list.push(
-                    wrong.help("a real surface needs `sample`, a virtual one `file`, and a rating a scale"),
-                );
+                let help = "a real surface needs `sample`, a virtual one `file`, and a rating a scale";
+                self.wrong("E0304", name, [&message, "none, or too many", help]);
             }
         }
         if study.phases.0.is_empty() {
@@ -429,17 +431,20 @@ impl Names<'_> {
         self.plain(&study.scales);
         self.plain(&study.groups);
         self.plain(&study.phases);
-        for (name, _) in study.page.iter().flat_map(|page| &page.texts.0) {
-            let known = TEXTS.map(|(known, _)| known);
-            if !known.contains(&&*name.text) {
-                self.list.push(unknown_name(name, "text", &known));
-            }
-        }
+        let texts: Vec<&str> = texts().map(|(name, _)| name).collect();
+        let own = study.page.iter().flat_map(|page| &page.texts.0);
+        let unknown = own.filter(|(name, _)| !texts.contains(&&*name.text));
+        self.list.extend(unknown.map(|(name, _)| unknown_name(name, "text", &texts)));
         if let Some((name, _)) = study.versions.0.iter().find(|(name, _)| name.text == "real") {
             let wrong = Diagnostic::error("E0211", name.span, "a version cannot be called `real`");
             self.list.push(wrong.label("so are the real surfaces in the data"));
         }
         self.list
+    }
+
+    /// Reports what is wrong with something named.
+    fn wrong(&mut self, code: &'static str, at: &Name, [message, label, help]: [&str; 3]) {
+        self.list.push(Diagnostic::error(code, at.span, message).label(label).help(help));
     }
 
     /// The surfaces, versions and scales of a phase.
@@ -484,16 +489,15 @@ impl Names<'_> {
             let message = format!("cannot read `{}`: there is no such file", file.display());
             let near = files::similar(file).map(|near| format!("did you mean `{near}`?"));
             let help = near.unwrap_or_else(|| "paths are relative to the study".to_owned());
-            self.list
-                .push(Diagnostic::error("E0108", name.span, message).label("of this surface").help(help));
+            self.wrong("E0108", name, [&message, "of this surface", &help]);
         }
         let message = match (&of.file, &of.sample) {
             (_, Some(sample)) if sample.trim().is_empty() => "the `sample` is empty",
             (None, None) => "the surface is neither virtual nor real",
             _ => return,
         };
-        let wrong = Diagnostic::error("E0205", name.span, message).label("of this surface");
-        self.list.push(wrong.help("give it a `file`, or a `sample` that the experimenter can lay out"));
+        let help = "give it a `file`, or a `sample` that the experimenter can lay out";
+        self.wrong("E0205", name, [message, "of this surface", help]);
     }
 
     /// Refuses names that break the lines of a table.
@@ -526,8 +530,7 @@ impl Names<'_> {
         self.known([surface], &study.surfaces, "surface");
         if study.surfaces.find(&surface.text).is_some_and(|at| study.surfaces.0[at].1.file.is_none()) {
             let message = format!("surface `{}` is only real", surface.text);
-            let wrong = Diagnostic::error("E0304", surface.span, message).label("cannot be rendered");
-            self.list.push(wrong.help("give it a `file`"));
+            self.wrong("E0304", surface, [&message, "cannot be rendered", "give it a `file`"]);
         }
     }
 
@@ -541,10 +544,8 @@ impl Names<'_> {
             Method::QuestPlus => least < most,
         };
         if !is_within(&of.standard) || !can_move {
-            let message = "the staircase cannot move".to_owned();
-            let wrong = Diagnostic::error("E0304", of.parameter.span, message).label("of this parameter");
             let help = "`standard` and `start` lie within `limits`, and each of `steps` is above zero";
-            self.list.push(wrong.help(help));
+            self.wrong("E0304", &of.parameter, ["the staircase cannot move", "of this parameter", help]);
         }
     }
 
@@ -574,8 +575,8 @@ impl Names<'_> {
         let is_twice = factors.iter().any(|factor| count(*factor) > 1);
         if is_both || is_twice {
             let message = format!("the order of phase `{}` has a factor twice", name.text);
-            let wrong = Diagnostic::error("E0304", name.span, message).label("of this phase");
-            self.list.push(wrong.help("`Stimulus` is surface and version together; name each factor once"));
+            let help = "`Stimulus` is surface and version together; name each factor once";
+            self.wrong("E0304", name, [&message, "of this phase", help]);
         }
     }
 }
@@ -592,9 +593,8 @@ impl Study {
             let rows = squares.map(|level| square_rows(distinct(of_phase(), level.factor).len()));
             // Squares of a phase are crossed; phases take the same number.
             if let Some(rows) = rows.reduce(usize::saturating_mul) {
-                all = Some(
-                    all.map_or(rows, |before: usize| (before / common(before, rows)).saturating_mul(rows)),
-                );
+                let both = |before: usize| (before / common(before, rows)).saturating_mul(rows);
+                all = Some(all.map_or(rows, both));
             }
         }
         all
@@ -605,7 +605,7 @@ impl Study {
         let conditions_s = |trial: &Trial| {
             let gates = self.phases.0[trial.phase].1.facts().gates.iter();
             let of_time = gates.filter(|(_, gate)| gate.quantity == Quantity::TIME);
-            let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
+            let stimuli = self.places(trial).into_iter().flatten().filter(|of| of.version.is_some());
             of_time.map(|(_, gate)| gate.at_least).sum::<f64>() * stimuli.count().max(1) as f64
         };
         let length_s = |trial: &Trial| match &self.phases.0[trial.phase].1 {

@@ -29,11 +29,11 @@ pub struct Trial {
     pub question: Option<usize>,
     /// Number of the scale.
     pub scale: Option<usize>,
-    /// What is presented; in a comparison the real surface or the standard.
+    /// What is presented; in a comparison the real surface or the standard, in ABX what X is.
     pub first: Option<Stimulus>,
     /// What is presented beside it or after it.
     pub second: Option<Stimulus>,
-    /// True if the second one is on the left, or comes first.
+    /// True if the second one is on the left, comes first, or is A.
     pub is_swapped: bool,
     /// The parameter's value in the second one. In a staircase it follows from the answers.
     pub level: Option<f64>,
@@ -41,12 +41,12 @@ pub struct Trial {
 
 impl Study {
     /// Number of versions; a study without any has one.
-    pub fn version_count(&self) -> usize {
+    pub(crate) fn version_count(&self) -> usize {
         self.versions.0.len().max(1)
     }
 
     /// Name of a version.
-    pub fn version_name(&self, version: usize) -> &str {
+    pub(crate) fn version_name(&self, version: usize) -> &str {
         self.versions.0.get(version).map_or("virtual", |(name, _)| &name.text)
     }
 
@@ -61,7 +61,7 @@ impl Study {
     }
 
     /// True if a phase belongs to a group.
-    pub fn is_of_group(&self, phase: usize, group: usize) -> bool {
+    pub(crate) fn is_of_group(&self, phase: usize, group: usize) -> bool {
         let groups = self.phases.0[phase].1.facts().groups;
         groups.is_empty() || groups.iter().any(|name| name.text == self.group_name(group))
     }
@@ -76,10 +76,7 @@ impl Study {
 
     /// Some versions, or all.
     pub(crate) fn some_versions(&self, names: &[Name]) -> Vec<usize> {
-        match names.is_empty() {
-            true => (0..self.version_count()).collect(),
-            false => Self::some(names, &self.versions),
-        }
+        if names.is_empty() { (0..self.version_count()).collect() } else { Self::some(names, &self.versions) }
     }
 
     /// The version with which a phase compares its others.
@@ -136,7 +133,8 @@ impl Study {
             Some(order) => draw.repeated(facts.repeats, &cells, order),
             None => {
                 let blocks = (0..facts.repeats).flat_map(|_| draw.shuffled(cells.clone())).collect();
-                draw.with_sides(blocks)
+                let trials = draw.with_sides(blocks);
+                if facts.has_x() { draw.with_x(trials, &cells) } else { trials }
             }
         }
     }
@@ -191,10 +189,25 @@ impl Draw {
 
     /// The second stimulus on the left, or before the other, in half of the trials; of an odd one by lot.
     fn with_sides(&mut self, mut trials: Vec<Trial>) -> Vec<Trial> {
+        let sides = self.even(trials.len());
+        trials.iter_mut().zip(sides).for_each(|(trial, side)| trial.is_swapped = side);
+        trials
+    }
+
+    /// As often true as false, shuffled; an odd one by lot.
+    fn even(&mut self, count: usize) -> Vec<bool> {
         let odd = self.below(2);
-        let sides = (0..trials.len()).map(|at| (at + odd) % 2 == 1).collect();
-        for (trial, side) in trials.iter_mut().zip(self.shuffled(sides)) {
-            trial.is_swapped = side;
+        self.shuffled((0..count).map(|at| (at + odd) % 2 == 1).collect())
+    }
+
+    /// X is each of a pair in half of its trials; of an odd one by lot. It is the first of a trial.
+    fn with_x(&mut self, mut trials: Vec<Trial>, pairs: &[Trial]) -> Vec<Trial> {
+        for pair in pairs {
+            let is_of_pair = |trial: &&mut Trial| (trial.first, trial.second) == (pair.first, pair.second);
+            let own: Vec<&mut Trial> = trials.iter_mut().filter(is_of_pair).collect();
+            let others = self.even(own.len());
+            let turned = own.into_iter().zip(others).filter(|(_, is_other)| *is_other);
+            turned.for_each(|(trial, _)| std::mem::swap(&mut trial.first, &mut trial.second));
         }
         trials
     }
@@ -210,11 +223,8 @@ impl Draw {
         // The squares of several levels are crossed: each takes its own digit of the number.
         let (mut digit, mut left) = (Vec::new(), self.number);
         for level in levels {
-            let rows = if level.arrange == Arrange::Latin {
-                square_rows(distinct(&trials, level.factor).len())
-            } else {
-                1
-            };
+            let values = distinct(&trials, level.factor).len();
+            let rows = if level.arrange == Arrange::Latin { square_rows(values) } else { 1 };
             digit.push(left % rows);
             left /= rows;
         }
@@ -280,7 +290,7 @@ pub(crate) fn distinct<'t>(trials: impl IntoIterator<Item = &'t Trial>, factor: 
 }
 
 /// Number of rows of a Williams square: as many participants, or a multiple, are balanced.
-pub fn square_rows(values: usize) -> usize {
+pub(crate) fn square_rows(values: usize) -> usize {
     if values < 2 { 1 } else { values * (1 + values % 2) }
 }
 

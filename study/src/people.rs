@@ -164,12 +164,17 @@ impl<'p> Person<'p> {
             }
             Phase::Explore(_) => row.text = "simulated".to_owned(),
             Phase::Practice(_) | Phase::Record(_) | Phase::Break(_) => {}
-            Phase::TwoAlternative(_) => {
+            phase @ Phase::TwoAlternative(_) => {
                 let value =
                     |of: Option<Stimulus>| of.map_or(0.0, |of| self.people.value(study, &row.phase, of));
                 let values = [value(trial.first), value(trial.second)];
-                let [first, second] = values.map(|value| self.rating(value));
-                let chosen = if second > first { trial.second } else { trial.first };
+                let is_first = if phase.facts().has_x() {
+                    *row.is_right.insert(self.finds_x(values))
+                } else {
+                    let [first, second] = values.map(|value| self.rating(value));
+                    first >= second
+                };
+                let chosen = if is_first { trial.first } else { trial.second };
                 row.choice = chosen.map_or_else(String::new, |of| study.name(of));
             }
             Phase::Rate(_) | Phase::Compare(_) => {
@@ -187,6 +192,19 @@ impl<'p> Person<'p> {
             }
             Phase::ConstantStimuli(_) | Phase::Staircase(_) => self.choose(study, trial, row),
         }
+    }
+
+    /// True if X, which is the first one, seems nearer to that than to the other: the differencing observer, whose d' is the difference
+    /// of the values over the deviation of the noise.
+    fn finds_x(&mut self, [first, other]: [f64; 2]) -> bool {
+        let mut felt = |value: f64| -> f64 {
+            let noise: f64 = StandardNormal.sample(&mut self.random);
+            value + self.people.noise_sd * noise
+        };
+        let (x, first, other) = (felt(first), felt(first), felt(other));
+        let nearer = (x - other).abs() - (x - first).abs();
+        let (guess, is_lapse) = (self.uniform() < 0.5, self.uniform() < self.people.lapse);
+        if is_lapse || nearer == 0.0 { guess } else { nearer > 0.0 }
     }
 
     fn choose(&mut self, study: &Checked, trial: &Trial, row: &mut Row) {
@@ -325,11 +343,14 @@ impl Checked {
         let phase = &self.study.phases.0[trial.phase].1;
         let mut all = TrialRun { seconds: 0.0, is_open: true, measures: Vec::new() };
         let Some(longest_s) = longest_s else { return Ok(all) };
-        let of = [(trial.first, phase.facts().varied.map(|of| of.standard)), (trial.second, trial.level)];
-        let of: Vec<_> = of.into_iter().filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
+        let facts = phase.facts();
+        let of = [(trial.first, facts.varied.map(|of| of.standard)), (trial.second, trial.level)];
+        let x = facts.has_x().then_some((trial.first, None));
+        let of: Vec<_> =
+            of.into_iter().chain(x).filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
         for (number, (stimulus, level)) in of.iter().enumerate() {
             let graph = self.graph(registry, phase, (*stimulus, *level), seed)?;
-            let prefix = if of.len() > 1 { ["first: ", "second: "][number] } else { "" };
+            let prefix = if of.len() > 1 { ["first: ", "second: ", "X: "][number] } else { "" };
             let run = run_until_open(self, phase, &graph, (longest_s, prefix))?;
             all.measures.extend(run.measures);
             all.seconds += run.seconds;

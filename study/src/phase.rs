@@ -10,9 +10,10 @@ use std::iter::once;
 pub(crate) const ALL_VERSIONS: Presented = Presented::Virtual(Version { version: None });
 
 /// What a trial asks for.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) enum Asks<'p> {
     /// Nothing.
+    #[default]
     Nothing,
     /// A take, which ends by the clock.
     Take,
@@ -22,6 +23,8 @@ pub(crate) enum Asks<'p> {
     Line,
     /// Which of two stimuli is chosen.
     Which(&'p str),
+    /// Which of two stimuli a third one, X, is: the first of the trial.
+    WhichIsX(&'p str),
     /// Which of two has more of the varied parameter.
     More(&'p str),
     /// An answer to the question of the trial.
@@ -40,7 +43,7 @@ pub(crate) struct Varied<'p> {
 }
 
 /// What is known of every phase.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Facts<'p> {
     pub(crate) kind: &'static str,
     pub(crate) asks: Asks<'p>,
@@ -65,9 +68,7 @@ pub(crate) struct Facts<'p> {
 
 impl<'p> Facts<'p> {
     fn new(kind: &'static str, asks: Asks<'p>, groups: &'p [Name], text: &'p str) -> Self {
-        let (presents, order): ((&[_], &[_]), Option<&[_]>) = ((&[], &[]), Some(&[]));
-        let (gates, training, repeats, length_s, varied) = (&[], 0, 1, None, None);
-        Self { kind, asks, groups, text, presents, gates, training, repeats, order, length_s, varied }
+        Self { kind, asks, groups, text, repeats: 1, order: Some(&[]), ..Self::default() }
     }
 
     fn of(self, stimuli: &'p [Presented], surfaces: &'p [Name]) -> Self {
@@ -78,20 +79,17 @@ impl<'p> Facts<'p> {
         Self { gates: &gates.0, training, ..self }
     }
 
-    fn ordered(self, order: &'p [Level], repeats: u32) -> Self {
-        Self { order: Some(order), repeats, ..self }
-    }
-
-    fn with_sides(self, repeats: u32) -> Self {
-        Self { order: None, repeats, ..self }
-    }
-
-    fn lasts(self, length_s: f64) -> Self {
-        Self { length_s: Some(length_s), ..self }
+    fn ordered(self, order: Option<&'p [Level]>, repeats: u32) -> Self {
+        Self { order, repeats, ..self }
     }
 
     fn varies(self, (surface, parameter): (&'p Name, &'p Name), standard: f64, levels: &'p [f64]) -> Self {
         Self { varied: Some(Varied { surface, parameter, standard, levels }), ..self }
+    }
+
+    /// True if a third stimulus, X, is one of the two.
+    pub(crate) fn has_x(&self) -> bool {
+        matches!(self.asks, Asks::WhichIsX(_))
     }
 
     /// Its value in the standard; 0 where nothing is varied.
@@ -121,41 +119,50 @@ impl Phase {
             Self::Explore(of) => Facts::new("free exploration", Asks::Words(&of.ask), &of.groups, &of.text)
                 .of(&of.stimuli, &of.surfaces)
                 .gated(&of.opens_when, 0)
-                .ordered(&of.order, 1),
+                .ordered(Some(&of.order), 1),
             Self::Rate(of) => Facts::new("ratings", Asks::Line, &of.groups, &of.text)
                 .of(&of.stimuli, &of.surfaces)
                 .gated(&of.opens_when, of.training)
-                .ordered(&of.order, of.repeats),
+                .ordered(Some(&of.order), of.repeats),
             Self::Compare(of) => {
                 Facts::new("comparisons with the real surface", Asks::Line, &of.groups, &of.text)
                     .of(&[Presented::Real, ALL_VERSIONS], &of.surfaces)
                     .gated(&of.opens_when, of.training)
-                    .ordered(&of.order, of.repeats)
+                    .ordered(Some(&of.order), of.repeats)
             }
             Self::Pairs(of) => Facts::new("pairs", Asks::Line, &of.groups, &of.text)
                 .of(&of.stimuli, &of.surfaces)
                 .gated(&of.opens_when, of.training)
-                .with_sides(1),
-            Self::TwoAlternative(of) => Facts::new("choices", Asks::Which(&of.ask), &of.groups, &of.text)
-                .of(&of.stimuli, &of.surfaces)
-                .gated(&of.opens_when, of.training)
-                .with_sides(of.repeats),
-            Self::Break(of) => Facts::new("break", Asks::Nothing, &of.groups, &of.text).lasts(of.at_least_s),
-            Self::Record(of) => Facts::new("recordings", Asks::Take, &of.groups, &of.text)
-                .of(&[Presented::Real], &of.surfaces)
-                .ordered(&of.order, of.takes)
-                .lasts(of.seconds),
+                .ordered(None, 1),
+            Self::TwoAlternative(of) => {
+                let (kind, asks) =
+                    if of.abx { ("ABX", Asks::WhichIsX(&of.ask)) } else { ("choices", Asks::Which(&of.ask)) };
+                Facts::new(kind, asks, &of.groups, &of.text)
+                    .of(&of.stimuli, &of.surfaces)
+                    .gated(&of.opens_when, of.training)
+                    .ordered(None, of.repeats)
+            }
+            Self::Break(of) => {
+                let length_s = Some(of.at_least_s);
+                Facts { length_s, ..Facts::new("break", Asks::Nothing, &of.groups, &of.text) }
+            }
+            Self::Record(of) => {
+                let facts = Facts::new("recordings", Asks::Take, &of.groups, &of.text)
+                    .of(&[Presented::Real], &of.surfaces)
+                    .ordered(Some(&of.order), of.takes);
+                Facts { length_s: Some(of.seconds), ..facts }
+            }
             Self::Questions(of) => {
                 Facts::new("questions", Asks::Question(&of.questions), &of.groups, &of.text)
             }
             Self::ConstantStimuli(of) => {
                 Facts::new("constant stimuli", Asks::More(&of.ask), &of.groups, &of.text)
                     .gated(&of.opens_when, of.training)
-                    .with_sides(of.repeats)
+                    .ordered(None, of.repeats)
                     .varies((&of.surface, &of.parameter), of.standard, &of.levels)
             }
             Self::Staircase(of) => Facts::new("staircase", Asks::More(&of.ask), &of.groups, &of.text)
-                .with_sides(of.at_most)
+                .ordered(None, of.at_most)
                 .varies((&of.surface, &of.parameter), of.standard, &of.limits),
         }
     }
@@ -205,6 +212,17 @@ impl Study {
             }
             Phase::Staircase(of) => Box::new(once(self.varied(&of.surface))),
         }
+    }
+
+    /// What is felt in a trial by its place: the left or earlier one, or A, first; X last.
+    pub(crate) fn places(&self, trial: &Trial) -> Vec<Option<Stimulus>> {
+        let mut places = vec![trial.first];
+        places.extend(trial.second.map(Some));
+        if trial.is_swapped {
+            places.reverse();
+        }
+        places.extend(self.phases.0[trial.phase].1.facts().has_x().then_some(trial.first));
+        places
     }
 
     /// A trial with the first version of a virtual surface twice.

@@ -12,7 +12,7 @@ pub struct Tally {
 }
 
 /// The frames of a port so far; of a vector its length.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Port {
     name: String,
     unit: String,
@@ -52,17 +52,7 @@ impl Tally {
             gates.iter().map(|(_, gate)| &gate.port.text).chain(&measures).collect();
         names.sort();
         names.dedup();
-        let port = |name: &String| Port {
-            name: name.clone(),
-            unit: String::new(),
-            first: None,
-            last: 0.0,
-            before: 0.0,
-            count: 0.0,
-            mean: 0.0,
-            spread: 0.0,
-            largest: 0.0,
-        };
+        let port = |name: &String| Port { name: name.clone(), ..Port::default() };
         let ports = names.into_iter().map(port).collect();
         Self { gates, measures, ports }
     }

@@ -540,8 +540,8 @@ fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
         from.relations[0].value,
         to.relations[0].value
     );
-    assert_eq!(from.merges.len(), 4, "a tree of five");
-    assert!(from.scree.iter().zip(&to.scree).all(|(a, b)| near(a.stress, b.stress)));
+    assert_eq!(from.maps.merges.len(), 4, "a tree of five");
+    assert!(from.maps.scree.iter().zip(&to.maps.scree).all(|(a, b)| near(a.stress, b.stress)));
 }
 
 #[test]
@@ -641,7 +641,8 @@ fn numbers(text: &str) -> Table {
     for line in reader.records() {
         let line = line.expect("a line");
         let cells = || names.iter().zip(line.iter()).filter(|(name, _)| *name != "simulated");
-        let words = ["phase", "test", "of", "term", "surface", "from", "to", "kind", "with"];
+        let words =
+            ["phase", "test", "of", "term", "surface", "from", "to", "kind", "with", "pair", "participant"];
         // A correlation is that of its scales in any order.
         let mut key: Vec<&str> =
             cells().filter(|(name, _)| words.contains(name)).map(|(_, cell)| cell).collect();
@@ -668,7 +669,7 @@ fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
     assert_eq!(out.contains("# map of "), out.contains("\n# 3 "), "{out}");
     let own: BTreeMap<_, _> = analysis.tables().expect("tables").into_iter().collect();
     let mut count = 0;
-    for name in ["variance", "comparisons", "relations"] {
+    for name in ["variance", "comparisons", "relations", "abx"] {
         let Some((_, text)) = out.split_once(&format!("# {name}\n")) else {
             assert!(!own.contains_key(&*format!("{name}.csv")), "{name}: {out}");
             continue;
@@ -685,7 +686,7 @@ fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
                 );
                 count += 1;
             }
-            for column in ["f", "p", "difference", "value"] {
+            for column in ["f", "p", "difference", "value", "d_prime", "d_prime_high", "p_of_people"] {
                 assert_eq!(
                     own[key].contains_key(column),
                     line.contains_key(column),
@@ -740,6 +741,11 @@ fn r_finds_the_same_statistics() {
         all_of(&shipped("components.ron"), effect, false),
         all_of(&shipped("real-and-virtual.ron"), pairs, false),
         all_of(&odd, "People(format: 1)", true),
+        all_of(
+            &abx(folder.path(), 6),
+            r#"People(format: 1, values: { "x": { "b": 0.2 } }, noise_sd: 0.1)"#,
+            false,
+        ),
     ];
     match found.concat().into_iter().collect::<Option<Vec<usize>>>() {
         Some(counts) => assert!(counts.iter().all(|count| *count > 80), "{counts:?}"),
@@ -909,4 +915,85 @@ fn one_of_two_is_chosen_by_its_value_and_a_break_asks_nothing() {
     assert!(real.share_of_first < 0.1 && real.people_for_first == 0 && real.p_of_people < 1e-3, "{real:?}");
     assert_eq!((rougher.answers, rougher.p_of_answers), (12, rougher.p_of_people));
     assert!(rougher.p_of_people > 1e-3, "nobody prefers either: {rougher:?}");
+}
+
+/// A study of ABX on two versions of two surfaces.
+fn abx(folder: &Path, repeats: u32) -> Checked {
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 5,
+        surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "vinyl": (file: "GRAPHS/surfaces/t5-vinyl.ron") },
+        versions: { "a": {}, "b": { "gain": 0.5 } },
+        phases: { "x": TwoAlternative(abx: true, ask: "Which one is X?", repeats: REPEATS, training: 1) })"#;
+    written(folder, &text.replace("REPEATS", &repeats.to_string())).expect("valid")
+}
+
+#[test]
+fn x_is_each_of_a_pair_as_often_and_a_as_often_as_b() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = abx(folder.path(), 4);
+    study.check_graph(&registry()).expect("on its graph");
+    let (mut first, mut at_a) = (BTreeMap::new(), BTreeMap::new());
+    for person in 0..1_000 {
+        let trials = study.study.trials(&format!("P{person}"), 0);
+        let own: Vec<_> = trials.iter().filter(|trial| !trial.is_training).collect();
+        assert_eq!((trials.len(), own.len()), (1 + 8, 8));
+        for surface in [0, 1] {
+            let of = own.iter().filter(|trial| trial.first.expect("X").surface == surface);
+            let versions: Vec<_> =
+                of.map(|trial| trial.first.expect("X").version.expect("virtual")).collect();
+            assert_eq!((versions.len(), versions.iter().sum::<usize>()), (4, 2), "X is each version twice");
+        }
+        assert_eq!(own.iter().filter(|trial| trial.is_swapped).count(), 4, "X is A in half of the trials");
+        *first.entry(own[0].first.expect("X").version).or_insert(0) += 1;
+        *at_a.entry((own[0].is_swapped, own[7].is_swapped)).or_insert(0) += 1;
+    }
+    assert_eq!((first.len(), at_a.len()), (2, 4));
+    assert!(unevenness(&first) < 7.0, "{first:?}");
+    // Of an odd number one is drawn by lot.
+    let odd = abx(folder.path(), 1);
+    let first = (0..400)
+        .map(|person| odd.study.trials(&format!("P{person}"), 0)[1].first.expect("X").version == Some(0));
+    assert!((150..250).contains(&first.filter(|is_first| *is_first).count()));
+    // What X is can be seen of a real sample.
+    let text = fs::read_to_string(folder.path().join("study.ron")).expect("written");
+    assert_eq!(
+        codes(
+            written(folder.path(), &text.replace("abx: true", "abx: true, stimuli: [Real, Virtual]"))
+                .unwrap_err()
+        ),
+        ["E0304"]
+    );
+}
+
+#[test]
+fn observers_of_abx_give_their_d_prime_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = abx(folder.path(), 30);
+    // Two units of noise apart on vinyl, and not on tile; bias and gain do not matter.
+    let people = people(
+        folder.path(),
+        &study,
+        r#"People(format: 1, bias_sd: 5.0, gain_sd: 1.0, noise_sd: 0.1, values: { "x": { "vinyl, b": 0.2 } })"#,
+    );
+    let data = opened(&folder.path().join("data"), &study, &people).expect("a folder");
+    for code in people_codes(8) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
+    }
+    let rows = data.answers().expect("answers");
+    assert!(rows.iter().all(
+        |row| row.is_right == Some(row.choice == format!("{}, {}", row.first_surface, row.first_version))
+    ));
+    let analysis = Analysis::of(&study.study, &data).expect("analysed");
+    assert_eq!(analysis.abx.len(), 2 * (8 + 1), "each person and all, for each pair; no training");
+    let all: Vec<_> = analysis.abx.iter().filter(|row| row.participant.is_empty()).collect();
+    let [tile, vinyl] = &all[..] else { panic!("{all:?}") };
+    assert_eq!((&*tile.pair, tile.answers), ("tile, a / tile, b", 240));
+    assert!(tile.low < 0.5 && tile.high > 0.5 && tile.p > 0.05, "{tile:?}");
+    let (low, high) = (vinyl.d_prime_low.expect("an end"), vinyl.d_prime_high.expect("an end"));
+    assert!(low < 2.0 && 2.0 < high && high - low < 1.0, "{vinyl:?}");
+    // All eight are right more often than not: 2 / 2^8.
+    assert!(
+        (vinyl.p_of_people.expect("of people") - 2.0 / 256.0).abs() < 1e-12 && vinyl.p < 1e-9,
+        "{vinyl:?}"
+    );
 }

@@ -112,7 +112,7 @@ impl Beside<'_> {
             );
         }
         let dimensions = numbers["mds"]["map_dimensions"].as_u64().unwrap_or_default() as usize;
-        for row in analysis.scree.iter().filter(|row| row.dimensions == dimensions) {
+        for row in analysis.maps.scree.iter().filter(|row| row.dimensions == dimensions) {
             let what = format!("map in {dimensions} dimensions: R2");
             self.add((&row.phase, "3.3.3"), what, json!(row.r_squared), &numbers["mds"]["r2_at_least"]);
         }

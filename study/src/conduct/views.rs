@@ -1,7 +1,7 @@
 //! What each page shows. The participant's never has a name, order, file or setting of a surface or version.
 
 use super::{Conductor, Current, Seat, State};
-use crate::document::{Masking, Page, Phase, Question, TEXTS};
+use crate::document::{Masking, Page, Phase, Question, texts};
 use crate::phase::Asks;
 use haptograph_engine::settings::Setting;
 use serde_json::{Map, Value, json};
@@ -33,7 +33,7 @@ impl Conductor {
             let own = own.and_then(|own| own.0.iter().find(|(known, _)| known.text == name));
             (name.to_owned(), json!(own.map_or(english, |(_, text)| text)))
         };
-        let mut texts: Map<String, Value> = TEXTS.into_iter().map(text).collect();
+        let mut texts: Map<String, Value> = texts().map(text).collect();
         let language = self.page().map_or("en", |page| &page.language);
         texts.insert("language".to_owned(), language.into());
         Value::Object(texts)
@@ -88,7 +88,9 @@ impl Conductor {
             Asks::Take => json!({ "kind": "record", "ask": "" }),
             Asks::Words(ask) => json!({ "kind": "words", "ask": ask, "optional": false }),
             Asks::Line => line(),
-            Asks::Which(ask) | Asks::More(ask) => json!({ "kind": "which", "ask": ask }),
+            Asks::Which(ask) | Asks::WhichIsX(ask) | Asks::More(ask) => {
+                json!({ "kind": "which", "ask": ask })
+            }
             Asks::Question(of) => match current.trial.question.and_then(|at| of.0.get(at)) {
                 Some((_, Question::Number(of))) => {
                     json!({ "kind": "number", "ask": of.ask, "from": of.from, "to": of.to })
@@ -136,14 +138,15 @@ impl Conductor {
             let (name, phase) = &self.checked.study.phases.0[current.trial.phase];
             let row = self.checked.row_without_hash(&current.trial);
             json!({
-                "trial": current.trial.number, "phase": name.text, "kind": phase.kind(), "scale": row.scale,
+                "trial": current.trial.number, "phase": name.text, "kind": phase.kind(),
+                "scale": if phase.facts().has_x() { "" } else { &row.scale },
                 "training": current.trial.is_training, "conditions": self.conditions(current, now_s),
                 "open": current.opened_s.is_some(), "forced": current.is_forced, "felt_s": current.explored_s(now_s).round(),
             })
         });
         json!({
             "code": seat.code, "group": self.checked.study.group_name(seat.group), "state": state, "of": seat.trials.len(),
-            "held": seat.held.map(|(why, _)| why), "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places[0].is_some() && current.places[1].is_some()),
+            "held": seat.held.map(|(why, _)| why), "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places.len() > 1),
             "trial": trial,
         })
     }
