@@ -63,7 +63,7 @@ enum Command {
         /// Lay the printed numbers of the study that it repeats beside its own, where both mean the same
         #[arg(long)]
         beside: Option<Beside>,
-        /// The study's own file, for its surfaces: regresses similarity on what their signals lose (Table 4.2)
+        /// The study's own file, for its surfaces: regresses similarity on what their signals lose (Table 4.2), or, in 4.6, on what they have
         #[arg(long, value_name = "STUDY.ron")]
         study: Option<PathBuf>,
         /// Take every surface file of this folder, as the study was run
@@ -194,9 +194,14 @@ fn analyse(
     let folder = Folder::existing(folder).map_err(Failure::message)?;
     let study = folder.study().map_err(Failure::message)?;
     let mut analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
-    if let Some(own) = own {
-        analysis.add_responsiveness(&own.load()?, &folder).map_err(Failure::message)?;
-    }
+    let own = own.map(StudyFile::load).transpose()?;
+    let is_beside = beside.is_some() && study.thesis.as_deref() == Some("4.6");
+    let added = match &own {
+        own if is_beside => analysis.add_components(own.as_ref(), &folder),
+        Some(own) => analysis.add_responsiveness(own, &folder),
+        None => Ok(()),
+    };
+    added.map_err(Failure::message)?;
     let beside = match beside {
         None => Vec::new(),
         Some(Beside::Thesis) => analysis.beside_thesis(&study).map_err(Failure::message)?,

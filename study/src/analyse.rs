@@ -5,6 +5,7 @@
 #![allow(missing_docs)]
 
 mod beside;
+mod components;
 mod responsiveness;
 mod script;
 

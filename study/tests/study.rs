@@ -825,7 +825,10 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
         let table = folder.path().join("trials.csv");
         let text = fs::read_to_string(&table).expect("trials");
         fs::write(&table, text.replace(&format!(",{surface},"), ",abs-plastic,")).expect("written");
-        let analysis = Analysis::of(&study.study, &data).expect("analysed");
+        let mut analysis = Analysis::of(&study.study, &data).expect("analysed");
+        if name == "components.ron" {
+            analysis.add_components(Some(&study), &data).expect("added");
+        }
         let rows = analysis.beside_thesis(&study.study).expect("a study of the thesis");
         assert!(rows.iter().all(|row| !row.own.is_null() && !row.thesis.is_null()), "{rows:?}");
         rows
@@ -838,8 +841,10 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
             .to_string()
     };
     let rows = beside("real-and-virtual.ron", "none");
-    // F and p of two factors on four scales, four coefficients, two R2; nothing of the ratings that the thesis discards.
-    assert_eq!(rows.len(), 4 * 4 + 4 + 2);
+    // F and p of two factors on four scales, four coefficients, two R2, six correlations of ten stimuli, without the blank; nothing of
+    // the ratings that the thesis discards.
+    assert_eq!(rows.len(), 4 * 4 + 4 + 2 + 6);
+    assert_eq!(thesis(&rows, "roughness and fineness: r, 10 stimuli"), "-0.98");
     assert!(rows.iter().all(|row| row.phase != "adjectives after pairs"));
     assert_eq!(thesis(&rows, "roughness, surface: F"), "52.18");
     assert_eq!(thesis(&rows, "slipperiness, version: F"), "99.91");
@@ -851,7 +856,10 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
     assert_eq!(thesis(&rows, "surfaces on which S is less similar than FS, p < 0.05"), "\"0 of 15\"");
     assert_eq!(thesis(&rows, "abs-plastic, phi against FS: p"), "0.0000875");
     let rows = beside("components.ron", "plastic");
-    assert_eq!(rows.len(), 3 + 3 + 2 * 3);
+    // R2 and p of thirteen regressions, all of which the simulated surfaces have the parts for.
+    assert_eq!(rows.len(), 3 + 3 + 2 * 3 + 2 * 13);
+    assert_eq!(thesis(&rows, "hardness, real on spectral centroid of taps, Hz: p"), "7.3e-6");
+    assert_eq!(thesis(&rows, "% less, no friction on slipperiness, real: R2"), "0.4");
     assert_eq!(
         thesis(&rows, "surfaces on which no texture is less similar than all, p < 0.05"),
         "\"10 of 15\""
@@ -864,8 +872,8 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
             .thesis
             .to_string()
     };
-    assert_eq!(table("4.3", "slipperiness and roughness: r"), "-0.91");
-    assert_eq!(table("4.4", "slipperiness and hardness: r"), "\"0.21 or 0.24\"");
+    assert_eq!(table("4.3", "slipperiness and roughness: r, 6 stimuli"), "-0.91");
+    assert_eq!(table("4.4", "slipperiness and hardness: r, 6 stimuli"), "\"0.21 or 0.24\"");
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
     let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
