@@ -309,12 +309,12 @@ impl Checked {
         row
     }
 
-    /// The answers to the ratings and comparisons of a whole study, without motion, from people in each group.
-    pub(crate) fn ratings(&self, people: &People, sizes: &[usize]) -> Vec<Row> {
+    /// The answers of a whole study of which tests can be computed, without motion, from people in each group.
+    pub(crate) fn tested_answers(&self, people: &People, sizes: &[usize]) -> Vec<Row> {
         let (mut rows, mut codes) = (Vec::new(), codes(sizes.iter().sum()));
         for (group, size) in sizes.iter().enumerate() {
             for participant in codes.by_ref().take(*size) {
-                for trial in self.rated(&participant, group) {
+                for trial in self.tested(&participant, group) {
                     let row = self.row_without_hash(&trial);
                     let row = Row { participant: participant.clone(), simulated: true, ..row };
                     rows.push(self.answered(people, &participant, (&trial, row)));
@@ -324,13 +324,14 @@ impl Checked {
         rows
     }
 
-    /// The trials of a participant that are ratings or comparisons and are analysed.
-    pub(crate) fn rated(&self, participant: &str, group: usize) -> impl Iterator<Item = Trial> {
-        let is_rated = |trial: &Trial| {
+    /// The trials of a participant that are ratings, comparisons or choices and are analysed.
+    pub(crate) fn tested(&self, participant: &str, group: usize) -> impl Iterator<Item = Trial> {
+        let is_tested = |trial: &Trial| {
             let phase = &self.study.phases.0[trial.phase].1;
-            !trial.is_training && matches!(phase, Phase::Rate(_) | Phase::Compare(_))
+            let has_test = matches!(phase, Phase::Rate(_) | Phase::Compare(_) | Phase::TwoAlternative(_));
+            has_test && !trial.is_training
         };
-        self.study.trials(participant, group).into_iter().filter(is_rated)
+        self.study.trials(participant, group).into_iter().filter(is_tested)
     }
 
     fn run(

@@ -45,7 +45,16 @@ fn effects(study: &Checked, analysis: &Analysis) -> Vec<(Effect, f64)> {
         let term = format!("{} to {}", row.from, row.to);
         of(1, [&row.phase, &row.surface, row.test, &term], row.p)
     });
-    variance.chain(compared).collect()
+    let chosen = analysis.choices.iter().map(|row| {
+        (&row.phase, format!("{} / {}", row.first, row.second), row.p_of_answers, row.p_of_people)
+    });
+    let found = analysis.abx.iter();
+    let found = found.filter_map(|row| Some((&row.phase, row.pair.clone(), row.p, row.p_of_people?)));
+    let pairs = chosen.chain(found).flat_map(|(phase, pair, p, p_of_people)| {
+        [("sign test of answers", p), ("sign test of people", p_of_people)]
+            .map(|(test, p)| of(2, [phase, &pair, test, ""], p))
+    });
+    variance.chain(compared).chain(pairs).collect()
 }
 
 impl Checked {
@@ -54,7 +63,7 @@ impl Checked {
     /// this study's and the number of the repetition, so that a larger study begins with the people of a smaller one.
     ///
     /// # Errors
-    /// If nothing is rated, if there are too many answers, or if `stop` is set meanwhile.
+    /// If nothing is tested, if there are too many answers, or if `stop` is set meanwhile.
     pub fn power(
         &self,
         people: &People,
@@ -72,7 +81,8 @@ impl Checked {
             }
             let mut one = self.clone();
             one.study.seed = stream_seed(self.study.seed, &format!("study {repetition}"));
-            let analysis = Analysis::of_answers(&one.study, &one.ratings(people, &sizes[size]));
+            let answers = one.tested_answers(people, &sizes[size]);
+            let analysis = Analysis::of_answers(&one.study, &answers);
             let mut counts = counts.lock().unwrap_or_else(PoisonError::into_inner);
             for (effect, p) in effects(self, &analysis) {
                 let found = counts.entry(effect).or_insert_with(|| vec![0; sizes.len()]);
@@ -93,27 +103,28 @@ impl Checked {
         Ok(counts.into_iter().map(effect).collect())
     }
 
-    /// Refuses a study without ratings, and more answers than can be computed in reasonable time.
+    /// Refuses a study without tests, and more answers than can be computed in reasonable time.
     fn check_size(&self, sizes: &[Vec<usize>], repeat: usize) -> Result<(), StudyError> {
         let rated: Vec<usize> =
-            (0..self.study.group_count()).map(|group| self.rated("1", group).count()).collect();
+            (0..self.study.group_count()).map(|group| self.tested("1", group).count()).collect();
         if rated.iter().sum::<usize>() == 0 {
-            let message = "no phase of the study is `Rate` or `Compare`: there is no test whose power could be simulated";
+            let message = "no phase of the study has a test whose power could be simulated: add `Rate`, `Compare` or `TwoAlternative`";
             return Err(StudyError::Run(message.to_owned()));
         }
         let answers = |(people, rated): (&usize, &usize)| people.saturating_mul(*rated);
-        let of_size: Vec<usize> =
-            sizes.iter().map(|sizes| sizes.iter().zip(&rated).map(answers).sum()).collect();
+        let of_size = sizes.iter().map(|sizes| sizes.iter().zip(&rated).map(answers).sum());
+        let of_size: Vec<usize> = of_size.collect();
         let (one, all) = (of_size.iter().max(), of_size.iter().sum::<usize>().saturating_mul(repeat));
-        let [most, most_of_one] = MOST_ANSWERS;
-        match one {
-            Some(one) if *one > most_of_one => Err(StudyError::Run(format!(
-                "a study of {one} answers is too large to simulate; at most {most_of_one} are possible: lower --people"
-            ))),
-            _ if all > most => Err(StudyError::Run(format!(
-                "these are {all} answers; at most {most} are possible: lower --people or --repeat"
-            ))),
-            _ => Ok(()),
-        }
+        let one = one.copied().unwrap_or_default();
+        let most = [
+            (one, "a study", MOST_ANSWERS[1], "--people"),
+            (all, "all studies", MOST_ANSWERS[0], "--people or --repeat"),
+        ];
+        let over = most.into_iter().find(|(answers, _, most, _)| answers > most);
+        over.map_or(Ok(()), |(answers, what, most, lower)| {
+            let message =
+                format!("{what} would have {answers} answers; at most {most} are possible: lower {lower}");
+            Err(StudyError::Run(message))
+        })
     }
 }

@@ -1004,4 +1004,16 @@ fn observers_of_abx_give_their_d_prime_back() {
         (vinyl.p_of_people.expect("of people") - 2.0 / 256.0).abs() < 1e-12 && vinyl.p < 1e-9,
         "{vinyl:?}"
     );
+    // The power of the test of all answers, of two people in a pair of six: R 4.2.2, binom.test over all outcomes of 12 answers.
+    let few = abx(folder.path(), 6);
+    let stop = AtomicBool::new(false);
+    let effects = few.power(&people, (&[vec![2]], 1_000), &|_| (), &stop).expect("simulated");
+    let of = |pair: &str| {
+        let is_it = |row: &&EffectPower| row.of == pair && row.test == "sign test of answers";
+        effects.iter().find(is_it).expect("an effect").shares[0]
+    };
+    for (pair, power) in [("vinyl, a / vinyl, b", 0.380_932_0), ("tile, a / tile, b", 0.038_574_2)] {
+        let share = of(pair);
+        assert!(share.low < power && power < share.high, "{pair}: {share:?}, {power}");
+    }
 }

@@ -181,7 +181,7 @@ fn power(
 impl CommandResult for Power {
     fn text(&self) -> String {
         let of_people = self.people.iter().map(|people| format!("{people} people"));
-        let header = ["phase", "scale or surface", "test", "term"].map(str::to_owned).into_iter();
+        let header = ["phase", "scale, surface or pair", "test", "term"].map(str::to_owned).into_iter();
         let header: Vec<String> = header.chain(of_people).collect();
         let row = |effect: &EffectPower| {
             let names = [&effect.phase, &effect.of, &effect.test, &effect.term].map(Clone::clone);
