@@ -432,11 +432,11 @@ impl Analysis {
     /// # Errors
     /// If the data cannot be read.
     pub fn of(study: &Study, folder: &Folder) -> Result<Self, crate::data::DataError> {
-        Ok(Self::of_answers(study, &folder.answers()?))
+        Ok(Self::of_answers(study, &folder.answers()?, FitSettings::default().resamples))
     }
 
-    /// Analyses the answers to trials that count.
-    pub(crate) fn of_answers(study: &Study, answers: &[Row]) -> Self {
+    /// Analyses the answers to trials that count; the intervals of thresholds are of so many simulated data sets.
+    pub(crate) fn of_answers(study: &Study, answers: &[Row], resamples: usize) -> Self {
         let simulated = answers.iter().any(|row| row.simulated);
         let mut analysis = Self { simulated, ..Self::default() };
         let rows: Vec<&Row> = answers.iter().filter(|row| !row.training).collect();
@@ -456,7 +456,7 @@ impl Analysis {
                     analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
                 }
                 Phase::ConstantStimuli(_) | Phase::Staircase(_) => {
-                    analysis.thresholds(&name.text, phase.facts().standard(), &of_phase);
+                    analysis.thresholds(&name.text, (phase.facts().standard(), resamples), &of_phase);
                 }
                 Phase::TwoAlternative(of) if of.abx => analysis.abx(&name.text, &of_phase),
                 Phase::TwoAlternative(_) => analysis.choices(&name.text, &of_phase),
@@ -760,7 +760,7 @@ impl Analysis {
     }
 
     /// Psychometric functions: how often the level was called more than the standard, for each participant and for all.
-    fn thresholds(&mut self, phase: &str, standard: f64, rows: &[&Row]) {
+    fn thresholds(&mut self, phase: &str, (standard, resamples): (f64, usize), rows: &[&Row]) {
         let mut people = distinct(rows, |row| &row.participant);
         people.push(String::new());
         for participant in people {
@@ -781,7 +781,7 @@ impl Analysis {
                 trials: block.trials,
                 right: block.positive,
             }));
-            let settings = FitSettings { guess: GUESS, ..FitSettings::default() };
+            let settings = FitSettings { guess: GUESS, resamples, ..FitSettings::default() };
             let whose = if participant.is_empty() { "all" } else { &participant };
             let what = format!("threshold of {whose} in {phase}");
             if let Some(found) = self.keep(&what, fit(&blocks, &settings)) {

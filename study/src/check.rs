@@ -84,10 +84,8 @@ fn surfaces_of(folder: &Path) -> Result<Named<SurfaceOf>, StudyError> {
         Some((Name::from(name.as_str()), SurfaceOf { file: Some(path), sample: Some(name) }))
     };
     let surfaces: Vec<(Name, SurfaceOf)> = files.filter_map(surface).collect();
-    match surfaces.is_empty() {
-        true => Err(StudyError::Run(format!("there is no surface file (.ron) in {}", folder.display()))),
-        false => Ok(Named(surfaces)),
-    }
+    let message = || format!("there is no surface file (.ron) in {}", folder.display());
+    if surfaces.is_empty() { Err(StudyError::Run(message())) } else { Ok(Named(surfaces)) }
 }
 
 impl Checked {
@@ -183,10 +181,7 @@ impl Checked {
             all.push((name.to_owned(), value));
         };
         let version = stimulus.and_then(|stimulus| self.study.versions.0.get(stimulus.version?));
-        let practised = match phase {
-            Phase::Practice(practice) => Some(&practice.settings),
-            _ => None,
-        };
+        let practised = if let Phase::Practice(of) = phase { Some(&of.settings) } else { None };
         let maps = [Some(&self.study.settings), version.map(|(_, values)| values), practised];
         for (name, value) in maps.into_iter().flatten().flat_map(|values| &values.0) {
             set(&name.text, value.show());
@@ -280,10 +275,8 @@ impl Checked {
                 list.push(wrong.label(format!("the unit of a {quantity}")));
             }
         }
-        match list.is_empty() {
-            true => Ok(()),
-            false => Err(StudyError::Study(Diagnostics { sources: self.file.sources.clone(), list })),
-        }
+        let sources = self.file.sources.clone();
+        if list.is_empty() { Ok(()) } else { Err(StudyError::Study(Diagnostics { sources, list })) }
     }
 
     /// People are at the other end: nothing above what the thesis gave them without the experimenter's word, and no version with other

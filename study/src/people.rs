@@ -5,6 +5,7 @@ use crate::check::{Checked, StudyError, unknown_name};
 use crate::data::{Claim, Row, Status};
 use crate::document::{Phase, Question};
 use crate::order::{Stimulus, Trial};
+use crate::phase::Asks;
 use crate::progress::next;
 use crate::tally::Tally;
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics};
@@ -63,10 +64,8 @@ impl People {
         let text = files::read_text(path, MAX_GRAPH_BYTES)
             .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
         let file = SettingsFile::<Self>::parse(path, &text, "a file of people").map_err(StudyError::Study)?;
-        match file.content.unknown(study) {
-            unknown if unknown.is_empty() => Ok(file.content),
-            list => Err(StudyError::Study(Diagnostics { sources: file.sources, list })),
-        }
+        let (list, sources) = (file.content.unknown(study), file.sources);
+        if list.is_empty() { Ok(file.content) } else { Err(StudyError::Study(Diagnostics { sources, list })) }
     }
 
     /// The parameters in RON.
@@ -314,7 +313,10 @@ impl Checked {
         let (mut rows, mut codes) = (Vec::new(), codes(sizes.iter().sum()));
         for (group, size) in sizes.iter().enumerate() {
             for participant in codes.by_ref().take(*size) {
+                let before = rows.len();
                 for trial in self.tested(&participant, group) {
+                    // The level of a staircase follows from the answers so far.
+                    let Some(trial) = next(&self.study, &[trial], &rows[before..]) else { continue };
                     let row = self.row_without_hash(&trial);
                     let row = Row { participant: participant.clone(), simulated: true, ..row };
                     rows.push(self.answered(people, &participant, (&trial, row)));
@@ -324,12 +326,13 @@ impl Checked {
         rows
     }
 
-    /// The trials of a participant that are ratings, comparisons or choices and are analysed.
+    /// The trials of a participant that are analysed, but for maps.
     pub(crate) fn tested(&self, participant: &str, group: usize) -> impl Iterator<Item = Trial> {
         let is_tested = |trial: &Trial| {
             let phase = &self.study.phases.0[trial.phase].1;
-            let has_test = matches!(phase, Phase::Rate(_) | Phase::Compare(_) | Phase::TwoAlternative(_));
-            has_test && !trial.is_training
+            let asks = phase.facts().asks;
+            let has_test = matches!(asks, Asks::Line | Asks::Which(_) | Asks::WhichIsX(_) | Asks::More(_));
+            has_test && !trial.is_training && !matches!(phase, Phase::Pairs(_))
         };
         self.study.trials(participant, group).into_iter().filter(is_tested)
     }

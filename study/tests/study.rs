@@ -1017,3 +1017,25 @@ fn observers_of_abx_give_their_d_prime_back() {
         assert!(share.low < power && power < share.high, "{pair}: {share:?}, {power}");
     }
 }
+
+#[test]
+fn a_threshold_is_found_more_often_by_more_people() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 3, surfaces: { "a": (file: "GRAPHS/surfaces/t3-tile.ron") },
+        phases: {
+            "fixed": ConstantStimuli(ask: "?", surface: "a", parameter: "gain", standard: 0.4, levels: [0.45, 0.5, 0.6, 0.8], repeats: 10),
+            "stairs": Staircase(ask: "?", surface: "a", parameter: "gain", standard: 0.4, limits: (0.4, 1.0),
+                method: UpDown(start: 0.7, steps: [0.1, 0.05], reversals: 20), at_most: 60),
+        })"#;
+    let study = written(folder.path(), text).expect("valid");
+    let people = people(folder.path(), &study, "People(format: 1, threshold: 0.1)");
+    let stop = AtomicBool::new(false);
+    let found = study.power(&people, (&[vec![1], vec![24]], 60), &|_| (), &stop).expect("simulated");
+    let names: Vec<(&str, &str, &str)> = found.iter().map(|of| (&*of.phase, &*of.of, &*of.term)).collect();
+    let of = |phase| [(phase, "threshold", "within 10 %"), (phase, "threshold", "within 25 %")];
+    assert_eq!(names, [of("fixed"), of("stairs")].concat());
+    for two in found.chunks(2) {
+        let [near, wide] = [0, 1].map(|at| (two[at].shares[0].share, two[at].shares[1].share));
+        assert!(near.0 < near.1 && near.1 < wide.1 && wide.1 > wide.0 + 0.25 && wide.1 > 0.8, "{two:?}");
+    }
+}
