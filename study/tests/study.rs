@@ -1039,3 +1039,45 @@ fn a_threshold_is_found_more_often_by_more_people() {
         assert!(near.0 < near.1 && near.1 < wide.1 && wide.1 > wide.0 + 0.25 && wide.1 > 0.8, "{two:?}");
     }
 }
+
+#[test]
+fn a_surface_without_friction_is_left_out_of_its_regression_and_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut study = shipped("components.ron");
+    let tile = study.study.surfaces.find("tile").expect("a surface");
+    let file = study.study.surfaces.0[tile].1.file.clone().expect("a file");
+    let text = fs::read_to_string(file).expect("a surface");
+    let text: String = text
+        .lines()
+        .filter(|line| !line.starts_with("    friction: "))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let bare = folder.path().join("bare.ron");
+    fs::write(&bare, text).expect("written");
+    study.study.surfaces.0[tile].1.file = Some(bare);
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+    for code in people_codes(3) {
+        let mut claim = data.claim(&code, "1", true).expect("free");
+        study
+            .simulate(&registry(), (&mut claim, 0), &People::indifferent(), None, usize::MAX)
+            .expect("it runs");
+    }
+    let mut analysis = Analysis::of(&study.study, &data).expect("analysed");
+    analysis.add_components(Some(&study), &data).expect("added");
+    let count = |of: &str, with: &str| {
+        let row = analysis.relations.iter().find(|row| row.of == of && row.with == with);
+        row.unwrap_or_else(|| panic!("{:?}", analysis.left_out)).count
+    };
+    assert_eq!(count("slipperiness, real", "friction coefficient"), 5);
+    assert_eq!(count("hardness, real", "tap response, N s/m"), 6);
+    assert!(
+        analysis.left_out.iter().any(|why| why.contains("friction") && why.contains("tile")),
+        "{:?}",
+        analysis.left_out
+    );
+    // Without the study's own file nothing is measured, which is said.
+    let mut alone = Analysis::of(&study.study, &data).expect("analysed");
+    alone.add_components(None, &data).expect("added");
+    assert!(alone.relations.iter().all(|row| row.with != "friction coefficient"));
+    assert!(alone.left_out.iter().any(|why| why.contains("--study")));
+}
