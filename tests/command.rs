@@ -675,3 +675,58 @@ fn what_is_wrong_with_settings_is_said_in_the_words_of_the_file() {
     let said = told(r#""b": ActuatorSink(current: "pull", endpoint: "a", limit: (peak: 1))"#);
     assert!(said.contains("`limit` has no field `peak`") && !said.contains("Settings"), "{said}");
 }
+
+#[test]
+fn a_study_is_simulated_and_analysed_to_known_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let graphs = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs").display().to_string();
+    let study = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 9,
+        surfaces: { "silk": (file: "GRAPHS/surfaces/t4-silk.ron"), "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "vinyl": (file: "GRAPHS/surfaces/t5-vinyl.ron") },
+        versions: { "a": {}, "b": { "gain": 0.5 } },
+        scales: { "rough": (ask: "?", from: "a", to: "b"), "smooth": (ask: "?", from: "a", to: "b") },
+        phases: { "rated": Rate(stimuli: [Virtual(version: "a")]), "x": TwoAlternative(abx: true, ask: "?", surfaces: ["tile"], repeats: 2) })"#;
+    fs::write(folder.path().join("s.ron"), study.replace("GRAPHS", &graphs)).unwrap();
+    // People without noise: what they answer is what they feel.
+    let people = r#"People(format: 1, bias_sd: 0.0, noise_sd: 0.0, values: { "rough": { "tile": -0.2, "silk": 0.3 },
+        "smooth": { "tile": 0.2, "silk": -0.3 }, "x": { "b": 0.4 } })"#;
+    fs::write(folder.path().join("p.ron"), people).unwrap();
+    let simulate =
+        ["study", "simulate", "s.ron", "--people", "5", "--model", "p.ron", "--without-motion", "-o", "data"];
+    succeed(folder.path(), &simulate);
+    let told = succeed(folder.path(), &["study", "analyse", "data", "--json"]);
+    let found: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let near = |value: &serde_json::Value, known: f64| (value.as_f64().unwrap() - known).abs() < 1e-12;
+    let means: Vec<_> = found["means"].as_array().unwrap().iter().collect();
+    let known = [
+        ("rough", "silk", 0.8),
+        ("rough", "tile", 0.3),
+        ("rough", "vinyl", 0.5),
+        ("smooth", "silk", 0.2),
+        ("smooth", "tile", 0.7),
+        ("smooth", "vinyl", 0.5),
+    ];
+    assert_eq!(means.len(), known.len());
+    for (scale, surface, mean) in known {
+        let is_it = |row: &&&serde_json::Value| row["scale"] == scale && row["surface"] == surface;
+        let row = means.iter().find(is_it).unwrap();
+        assert!(near(&row["mean"], mean) && near(&row["sd"], 0.0) && row["people"] == 5, "{row}");
+    }
+    // What one scale gains the other loses.
+    assert!(near(&found["relations"][0]["value"], -1.0) && found["relations"][0]["count"] == 3);
+    let abx = found["abx"].as_array().unwrap();
+    assert_eq!(abx.len(), 5 + 1);
+    assert!(near(&abx[0]["p"], 0.5) && abx[0]["answers"] == 2, "{}", abx[0]);
+    assert!(near(&abx[5]["p"], 2.0 / 1024.0) && near(&abx[5]["p_of_people"], 2.0 / 32.0), "{}", abx[5]);
+    assert!(near(&abx[5]["share_right"], 1.0) && abx[5]["d_prime"].is_null() && found["simulated"] == true);
+    // The tables have the same numbers.
+    let analysis = folder.path().join("data/analysis");
+    let table = fs::read_to_string(analysis.join("means.csv")).unwrap();
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let at = header.iter().position(|name| *name == "mean").unwrap();
+    let in_table: Vec<f64> = lines.map(|line| line[at].parse().unwrap()).collect();
+    assert_eq!(in_table, means.iter().map(|row| row["mean"].as_f64().unwrap()).collect::<Vec<_>>());
+    for name in ["abx.csv", "analysis.R", "analysis.html"] {
+        assert!(analysis.join(name).is_file(), "{name}");
+    }
+}

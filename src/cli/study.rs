@@ -12,7 +12,7 @@ use super::table::{significant, table};
 use super::{Failure, print};
 use crate::engine::registry::Registry;
 use clap::Subcommand;
-use haptograph_study::analyse::{Analysis, ChoiceRow, RelationRow, ScreeRow, ThresholdRow};
+use haptograph_study::analyse::{AbxRow, Analysis, ChoiceRow, RelationRow, ScreeRow, ThresholdRow};
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::data::{Folder, Row};
 use serde::Serialize;
@@ -62,7 +62,7 @@ enum Command {
         folder: PathBuf,
         #[command(flatten)]
         beside: Beside,
-        /// The study's own file, for its surfaces: regresses similarity on what their signals lose (Table 4.2)
+        /// The study's own file, for its surfaces: regresses similarity on what their signals lose (Table 4.2), or, in 4.6, on what they have
         #[arg(long, value_name = "STUDY.ron")]
         study: Option<PathBuf>,
         /// Take every surface file of this folder, as the study was run
@@ -153,9 +153,8 @@ struct Plan {
 
 impl CommandResult for Plan {
     fn text(&self) -> String {
-        let name = |surface: &str, version: &str| match surface {
-            "" => String::new(),
-            _ => format!("{surface}, {version}"),
+        let name = |surface: &str, version: &str| {
+            if surface.is_empty() { String::new() } else { format!("{surface}, {version}") }
         };
         let row = |trial: &Row| {
             let first = name(&trial.first_surface, &trial.first_version);
@@ -182,9 +181,14 @@ fn analyse(folder: &Path, beside: Beside, own: Option<&StudyFile>, json: bool) -
     let folder = Folder::existing(folder).map_err(Failure::message)?;
     let study = folder.study().map_err(Failure::message)?;
     let mut analysis = Analysis::of(&study, &folder).map_err(Failure::message)?;
-    if let Some(own) = own {
-        analysis.add_responsiveness(&own.load()?, &folder).map_err(Failure::message)?;
-    }
+    let own = own.map(StudyFile::load).transpose()?;
+    let is_beside = beside.beside.is_some() && study.thesis.as_deref() == Some("4.6");
+    let added = match &own {
+        own if is_beside => analysis.add_components(own.as_ref(), &folder),
+        Some(own) => analysis.add_responsiveness(own, &folder),
+        None => Ok(()),
+    };
+    added.map_err(Failure::message)?;
     let beside = beside.rows(|| analysis.beside_thesis(&study).map_err(Failure::message))?;
     let output = folder.path().join("analysis");
     let tables = RunFolder::beside(&output)?;
@@ -264,7 +268,19 @@ impl Analysed {
                 "{phase}: {first} rather than {second}: {share} % ({low} to {high}) of {answers} answers, p {p} (sign test over {people} people: p {p_of_people})\n"
             );
         }
-        for ScreeRow { phase, dimensions, stress, r_squared } in &of.scree {
+        for row in &of.abx {
+            let AbxRow { phase, pair, participant, answers, .. } = row;
+            let whose = if participant.is_empty() { "all" } else { participant };
+            let [share, low, high] = [row.share_right, row.low, row.high].map(|share| number(100.0 * share));
+            let [d, d_low, d_high] = [row.d_prime, row.d_prime_low, row.d_prime_high].map(maybe);
+            let people =
+                row.p_of_people.map_or_else(String::new, |p| format!(" (over people: p {})", number(p)));
+            text += &format!(
+                "{phase}, {whose}: X found in {pair}: {share} % ({low} to {high}) of {answers} answers, p {}{people}, d' {d} ({d_low} to {d_high})\n",
+                number(row.p)
+            );
+        }
+        for ScreeRow { phase, dimensions, stress, r_squared } in &of.maps.scree {
             let [stress, r_squared] = [*stress, *r_squared].map(number);
             text += &format!("{phase}: {dimensions} dimensions, stress {stress}, R2 {r_squared}\n");
         }

@@ -44,6 +44,10 @@ connection.on("lost", ({ reason }) => {
 const LEAST_MS = 400; // a second press of a button is no answer to what comes next
 let asked_ms = -Infinity;
 
+const PLACES = [0, 1, 2];
+// What two stimuli are called, or A, B and X.
+const names = ({ turns, texts = {} }) => (turns?.felt.length === 3 ? [texts.a, texts.b, texts.x] : [texts.first, texts.second]);
+
 // What makes an answer anew, and not only its surroundings.
 const asked = (view) => JSON.stringify([view?.state, view?.trial, view?.input]);
 const pending = (view) => view.state === "trial" && view.begins;
@@ -63,9 +67,10 @@ function show(view) {
     setText(find("ask"), says[view.state] ?? wait ?? "");
     find("progress").value = view.state === "done" ? 1 : view.of ? (view.trial - 1) / view.of : find("progress").value;
     find("turns").hidden = !turns;
-    for (const place of [0, 1]) {
+    for (const place of PLACES) {
         const button = find(`turn-${place}`);
-        setText(button, [texts.first, texts.second][place] ?? "");
+        button.hidden = place >= names(view).length;
+        setText(button, names(view)[place] ?? "");
         button.setAttribute("aria-pressed", String(turns?.now === place));
         button.dataset.felt = String(Boolean(turns?.felt[place]));
     }
@@ -182,7 +187,7 @@ function buttons(names, label = null) {
     return [make("div", { class: "choices", role: "group" }, label && make("span", { class: "soft", text: label }), ...made)];
 }
 
-const which = (_, texts) => buttons([texts.first, texts.second], texts.answer);
+const which = (_, texts) => buttons(names(participant.view).slice(0, 2), texts.answer);
 const choice = ({ of }) => buttons(of);
 
 function number({ ask, from, to }) {
@@ -251,13 +256,14 @@ function beginSound() {
 find("next").addEventListener("click", next);
 find("stop").addEventListener("click", stop);
 find("noise").addEventListener("input", ({ target }) => masking.set(Number(target.value)));
-for (const place of [0, 1]) find(`turn-${place}`).addEventListener("click", () => participant.say({ say: "feel", place }));
+for (const place of PLACES) find(`turn-${place}`).addEventListener("click", () => participant.say({ say: "feel", place }));
 for (const type of ["pointerup", "keydown"]) window.addEventListener(type, beginSound);
 window.addEventListener("keydown", (event) => {
     if (event.key === "Escape") return event.repeat || stop();
     if (takesText(event.target) || event.repeat) return;
     if (event.key === "Enter" && event.target.tagName !== "BUTTON") next();
-    if (participant.view?.turns && ["1", "2"].includes(event.key)) participant.say({ say: "feel", place: Number(event.key) - 1 });
+    const place = Number(event.key) - 1;
+    if (participant.view?.turns?.felt[place] !== undefined) participant.say({ say: "feel", place });
 });
 connection.connect();
 window.participant = participant; // for tests

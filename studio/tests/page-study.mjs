@@ -178,11 +178,10 @@ async function step(experimenter, participant, how, look = async () => {}) {
         return true;
     }
     if (view.state !== "trial" || view.begins) return true;
-    for (let turn = 0; view.pad && turn < 2; turn++) {
-        if (turn === 1 && !view.turns) break;
-        if (turn === 1) {
-            await participant.click("#turn-1");
-            await until(participant, () => participant.view.turns.now === 1 && !participant.view.begins);
+    for (let turn = 0; view.pad && turn < (view.turns?.felt.length ?? 1); turn++) {
+        if (turn > 0) {
+            await participant.click(`#turn-${turn}`);
+            await until(participant, (turn) => participant.view.turns.now === turn && !participant.view.begins, turn);
         }
         await strokeBy[how](participant, await participant.locator("#pad").boundingBox());
     }

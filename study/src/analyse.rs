@@ -1,7 +1,11 @@
 //! The analysis that a study's phases ask for, with two tests side by side: as in the thesis, with participants as replicates, and
 //! with repeated measures, each participant against themselves.
 
+// The columns of tables are named as in those of R.
+#![allow(missing_docs)]
+
 mod beside;
+mod components;
 mod responsiveness;
 mod script;
 
@@ -16,7 +20,7 @@ use crate::statistics::psychometric::{Block, FitSettings, Shape, fit};
 use crate::statistics::ranks::{friedman, sign_test, wilcoxon_pairs};
 use crate::statistics::regression::{correlation_matrix, regress};
 use crate::statistics::repeated::{self, WithinTerm};
-use crate::statistics::share::Share;
+use crate::statistics::share::{Share, abx_d_prime};
 use crate::statistics::space::perceptual_space;
 use crate::statistics::tukey::Comparison;
 use crate::statistics::{Estimate, mean_interval};
@@ -35,8 +39,7 @@ const GUESS: f64 = 0.5;
 const DIMENSIONS: (usize, usize) = (3, 6);
 
 /// A term of an analysis of variance.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)] // named as in the tables of R
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct VarianceRow {
     pub phase: String,
     pub test: &'static str,
@@ -56,8 +59,7 @@ pub struct VarianceRow {
 }
 
 /// A comparison of two versions of a surface.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)] // named as in the tables of R
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct ComparisonRow {
     pub phase: String,
     pub test: &'static str,
@@ -76,7 +78,6 @@ pub struct ComparisonRow {
 
 /// The mean of a stimulus on a scale.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct MeanRow {
     pub phase: String,
     pub scale: String,
@@ -96,7 +97,6 @@ pub struct MeanRow {
 
 /// A correlation or a coefficient of a regression.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct RelationRow {
     pub phase: String,
     pub kind: &'static str,
@@ -112,7 +112,6 @@ pub struct RelationRow {
 
 /// A stimulus on the map of dissimilarities.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct PlaceRow {
     pub phase: String,
     pub stimulus: String,
@@ -125,7 +124,6 @@ pub struct PlaceRow {
 
 /// A merge of Ward's tree of the distances on a map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct MergeRow {
     pub phase: String,
     /// Stimuli by their number among the places, from 0; earlier merges by the number of stimuli plus their own.
@@ -136,7 +134,6 @@ pub struct MergeRow {
 
 /// Stress of a map by its number of dimensions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct ScreeRow {
     pub phase: String,
     pub dimensions: usize,
@@ -146,7 +143,6 @@ pub struct ScreeRow {
 
 /// A psychometric function.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct ThresholdRow {
     pub phase: String,
     /// Empty for all participants together.
@@ -166,7 +162,6 @@ pub struct ThresholdRow {
 
 /// How often one of two was chosen.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct ChoiceRow {
     pub phase: String,
     pub first: String,
@@ -185,9 +180,30 @@ pub struct ChoiceRow {
     pub p_of_people: f64,
 }
 
+/// How often X was found in a pair of ABX.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AbxRow {
+    pub phase: String,
+    pub pair: String,
+    /// Empty for all participants together.
+    pub participant: String,
+    pub answers: u64,
+    /// Share of right answers, with its 95 % interval (Wilson 1927).
+    pub share_right: f64,
+    pub low: f64,
+    pub high: f64,
+    /// Exact binomial test against a half, two-sided.
+    pub p: f64,
+    /// Of the differencing model; none below a share of a half and at 1.
+    pub d_prime: Option<f64>,
+    pub d_prime_low: Option<f64>,
+    pub d_prime_high: Option<f64>,
+    /// Of all: sign test over people, without those who were as often right as wrong.
+    pub p_of_people: Option<f64>,
+}
+
 /// Answers at one level.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[allow(missing_docs)]
 pub struct LevelRow {
     pub phase: String,
     /// Empty for all participants together.
@@ -205,6 +221,15 @@ impl ThresholdRow {
     }
 }
 
+/// Maps of dissimilarities.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Maps {
+    pub places: Vec<PlaceRow>,
+    /// Ward's trees.
+    pub merges: Vec<MergeRow>,
+    pub scree: Vec<ScreeRow>,
+}
+
 /// All tables of an analysis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Analysis {
@@ -218,14 +243,13 @@ pub struct Analysis {
     pub comparisons: Vec<ComparisonRow>,
     /// Choices of one of two.
     pub choices: Vec<ChoiceRow>,
+    /// How often X was found in ABX.
+    pub abx: Vec<AbxRow>,
     /// Correlations and regressions.
     pub relations: Vec<RelationRow>,
     /// Maps.
-    pub places: Vec<PlaceRow>,
-    /// Their trees.
-    pub merges: Vec<MergeRow>,
-    /// Their scree.
-    pub scree: Vec<ScreeRow>,
+    #[serde(flatten)]
+    pub maps: Maps,
     /// Psychometric functions.
     pub thresholds: Vec<ThresholdRow>,
     /// The answers that these fit.
@@ -317,6 +341,32 @@ fn distinct(rows: &[&Row], of: impl Fn(&Row) -> &String) -> Vec<String> {
     values
 }
 
+/// The answers of each person to each pair: how many chose the first one, and the other; in ABX how many were right, and wrong.
+fn counted<'r>(rows: &[&'r Row], has_x: bool) -> BTreeMap<[String; 2], BTreeMap<&'r str, [u64; 2]>> {
+    let mut pairs: BTreeMap<[String; 2], BTreeMap<&str, [u64; 2]>> = BTreeMap::new();
+    for row in rows.iter().filter(|row| !row.choice.is_empty()) {
+        let names = [(&row.first_surface, &row.first_version), (&row.second_surface, &row.second_version)];
+        let mut pair = names.map(|(surface, version)| format!("{surface}, {version}"));
+        let is_first = row.choice == pair[0];
+        // X is either of a pair.
+        if has_x {
+            pair.sort();
+        }
+        let of = pairs.entry(pair).or_default().entry(&row.participant).or_default();
+        of[usize::from(!is_first)] += 1;
+    }
+    pairs
+}
+
+fn sums(people: &BTreeMap<&str, [u64; 2]>) -> [u64; 2] {
+    [0, 1].map(|at| people.values().map(|of| of[at]).sum())
+}
+
+/// How many people have more of the first, and more of the other.
+fn majorities(people: &BTreeMap<&str, [u64; 2]>) -> [u64; 2] {
+    [0, 1].map(|at| people.values().filter(|of| of[at] > of[1 - at]).count() as u64)
+}
+
 /// What a table of variance is of.
 #[derive(Clone, Copy)]
 struct Of<'a> {
@@ -325,21 +375,17 @@ struct Of<'a> {
 }
 
 impl Of<'_> {
+    fn empty(&self, test: &'static str, term: &'static str) -> VarianceRow {
+        let (phase, of) = (self.phase.to_owned(), self.of.to_owned());
+        VarianceRow { phase, test, of, term, ..VarianceRow::default() }
+    }
+
     fn row(&self, test: &'static str, term: &'static str, effect: &Term, residual_df: f64) -> VarianceRow {
-        VarianceRow {
-            phase: self.phase.to_owned(),
-            test,
-            of: self.of.to_owned(),
-            term,
-            df: effect.df,
-            residual_df: Some(residual_df),
-            f: effect.f,
-            p: effect.p,
-            p_greenhouse_geisser: None,
-            partial_eta_squared: Some(effect.partial_eta_squared),
-            eta_low: effect.partial_eta_squared_90.map(|(low, _)| low),
-            eta_high: effect.partial_eta_squared_90.map(|(_, high)| high),
-        }
+        let Term { df, f, p, partial_eta_squared, partial_eta_squared_90, .. } = *effect;
+        let (eta_low, eta_high) = partial_eta_squared_90.unzip();
+        let (partial_eta_squared, residual_df) = (Some(partial_eta_squared), Some(residual_df));
+        let row = self.empty(test, term);
+        VarianceRow { df, residual_df, f, p, partial_eta_squared, eta_low, eta_high, ..row }
     }
 
     fn within(&self, term: &'static str, within: &WithinTerm) -> VarianceRow {
@@ -360,9 +406,12 @@ impl ComparisonRow {
     /// A row without a difference.
     fn new(of: &Of<'_>, test: &'static str, (from, to): (String, String), p: f64) -> Self {
         let (phase, surface) = (of.phase.to_owned(), of.of.to_owned());
-        let (difference, low, high) = (None, None, None);
-        let (d_z, d_z_low, d_z_high) = (None, None, None);
-        Self { phase, test, surface, from, to, difference, low, high, p, d_z, d_z_low, d_z_high }
+        Self { phase, test, surface, from, to, p, ..Self::default() }
+    }
+
+    /// True for two versions in a phase, in any order.
+    fn is_of(&self, phase: &str, [a, b]: [&str; 2]) -> bool {
+        self.phase == phase && [[a, b], [b, a]].contains(&[&*self.from, &*self.to])
     }
 }
 
@@ -383,11 +432,11 @@ impl Analysis {
     /// # Errors
     /// If the data cannot be read.
     pub fn of(study: &Study, folder: &Folder) -> Result<Self, crate::data::DataError> {
-        Ok(Self::of_answers(study, &folder.answers()?))
+        Ok(Self::of_answers(study, &folder.answers()?, FitSettings::default().resamples))
     }
 
-    /// Analyses the answers to trials that count.
-    pub(crate) fn of_answers(study: &Study, answers: &[Row]) -> Self {
+    /// Analyses the answers to trials that count; the intervals of thresholds are of so many simulated data sets.
+    pub(crate) fn of_answers(study: &Study, answers: &[Row], resamples: usize) -> Self {
         let simulated = answers.iter().any(|row| row.simulated);
         let mut analysis = Self { simulated, ..Self::default() };
         let rows: Vec<&Row> = answers.iter().filter(|row| !row.training).collect();
@@ -407,18 +456,11 @@ impl Analysis {
                     analysis.pairs(&name.text, pairs.same_is == End::From, &of_phase, &ratings);
                 }
                 Phase::ConstantStimuli(_) | Phase::Staircase(_) => {
-                    analysis.thresholds(
-                        &name.text,
-                        phase.varied().map_or(0.0, |(.., standard)| standard),
-                        &of_phase,
-                    );
+                    analysis.thresholds(&name.text, (phase.facts().standard(), resamples), &of_phase);
                 }
+                Phase::TwoAlternative(of) if of.abx => analysis.abx(&name.text, &of_phase),
                 Phase::TwoAlternative(_) => analysis.choices(&name.text, &of_phase),
-                Phase::Practice(_)
-                | Phase::Explore(_)
-                | Phase::Record(_)
-                | Phase::Break(_)
-                | Phase::Questions(_) => {}
+                _ => {}
             }
         }
         analysis
@@ -510,18 +552,18 @@ impl Analysis {
                     row.iter().enumerate().map(move |(at, value)| (at / levels, at % levels, *value))
                 });
                 let each: Vec<(usize, usize, f64)> = each.collect();
+                let terms = ["surface", "version", "surface x version"];
                 if let Some(two) = self.keep(&what, anova::two_way(&each, true)) {
-                    let df = two.residual.df;
-                    self.variance.push(of.row(THESIS, "surface", &two.a, df));
-                    self.variance.push(of.row(THESIS, "version", &two.b, df));
-                    self.variance
-                        .extend(two.interaction.map(|both| of.row(THESIS, "surface x version", &both, df)));
+                    let found = [Some(two.a), Some(two.b), two.interaction].into_iter().zip(terms);
+                    let row = |(found, term): (Option<Term>, _)| {
+                        Some(of.row(THESIS, term, &found?, two.residual.df))
+                    };
+                    self.variance.extend(found.filter_map(row));
                 }
                 let repeated = repeated::two_way(&table, surfaces.len(), versions.len());
                 if let Some(two) = self.keep(&what, repeated) {
-                    self.variance.push(of.within("surface", &two.a));
-                    self.variance.push(of.within("version", &two.b));
-                    self.variance.push(of.within("surface x version", &two.interaction));
+                    let found = [&two.a, &two.b, &two.interaction].into_iter().zip(terms);
+                    self.variance.extend(found.map(|(found, term)| of.within(term, found)));
                 }
             }
             (2.., 1) | (1, 2..) => {
@@ -558,25 +600,12 @@ impl Analysis {
                 self.compared(&of, REPEATED, &versions, one.tukey(CONFIDENCE), &table);
             }
             if let Some(ranks) = self.keep(&what, friedman(&table)) {
-                self.variance.push(VarianceRow {
-                    phase: phase.to_owned(),
-                    test: RANKS,
-                    of: surface.clone(),
-                    term: "version",
-                    df: ranks.df,
-                    residual_df: None,
-                    f: ranks.chi_squared,
-                    p: ranks.p,
-                    p_greenhouse_geisser: None,
-                    partial_eta_squared: None,
-                    eta_low: None,
-                    eta_high: None,
-                });
+                let row = of.empty(RANKS, "version");
+                self.variance.push(VarianceRow { df: ranks.df, f: ranks.chi_squared, p: ranks.p, ..row });
             }
             for pair in self.keep(&what, wilcoxon_pairs(&table)).unwrap_or_default() {
                 let (from, to) = (versions[pair.from].clone(), versions[pair.to].clone());
-                let row = ComparisonRow::new(&of, RANKS, (from, to), pair.p_holm);
-                self.comparisons.push(row);
+                self.comparisons.push(ComparisonRow::new(&of, RANKS, (from, to), pair.p_holm));
             }
             self.equivalent(&of, &versions, &table, same_within);
         }
@@ -672,25 +701,18 @@ impl Analysis {
         let Some(space) = self.keep(&format!("map of {phase}"), space) else { return };
         for (at, place) in space.places.iter().enumerate() {
             let groups: Vec<String> = space.cuts.iter().map(|cut| cut[at].to_string()).collect();
-            let axis = |number: usize| place.get(number).copied();
             let (stimulus, groups, phase) = (stimuli[at].clone(), groups.join(" "), phase.to_owned());
-            self.places.push(PlaceRow {
-                phase,
-                stimulus,
-                x: axis(0).unwrap_or(0.0),
-                y: axis(1),
-                z: axis(2),
-                groups,
-            });
+            let [x, y, z] = [0, 1, 2].map(|axis| place.get(axis).copied());
+            self.maps.places.push(PlaceRow { phase, stimulus, x: x.unwrap_or(0.0), y, z, groups });
         }
-        self.merges.extend(space.tree.iter().map(|(first, second, distance)| MergeRow {
+        self.maps.merges.extend(space.tree.iter().map(|(first, second, distance)| MergeRow {
             phase: phase.to_owned(),
             first: *first,
             second: *second,
             distance: *distance,
         }));
         let scree = space.stress.iter().zip(&space.r_squared).zip(1..);
-        self.scree.extend(scree.map(|((stress, r_squared), dimensions)| ScreeRow {
+        self.maps.scree.extend(scree.map(|((stress, r_squared), dimensions)| ScreeRow {
             phase: phase.to_owned(),
             dimensions,
             stress: *stress,
@@ -738,7 +760,7 @@ impl Analysis {
     }
 
     /// Psychometric functions: how often the level was called more than the standard, for each participant and for all.
-    fn thresholds(&mut self, phase: &str, standard: f64, rows: &[&Row]) {
+    fn thresholds(&mut self, phase: &str, (standard, resamples): (f64, usize), rows: &[&Row]) {
         let mut people = distinct(rows, |row| &row.participant);
         people.push(String::new());
         for participant in people {
@@ -759,7 +781,7 @@ impl Analysis {
                 trials: block.trials,
                 right: block.positive,
             }));
-            let settings = FitSettings { guess: GUESS, ..FitSettings::default() };
+            let settings = FitSettings { guess: GUESS, resamples, ..FitSettings::default() };
             let whose = if participant.is_empty() { "all" } else { &participant };
             let what = format!("threshold of {whose} in {phase}");
             if let Some(found) = self.keep(&what, fit(&blocks, &settings)) {
@@ -782,49 +804,57 @@ impl Analysis {
 
     /// How often one of each pair was chosen.
     fn choices(&mut self, phase: &str, rows: &[&Row]) {
-        let names = |row: &Row| {
-            [(&row.first_surface, &row.first_version), (&row.second_surface, &row.second_version)]
-                .map(|(surface, version)| format!("{surface}, {version}"))
-        };
-        let mut pairs: BTreeMap<[String; 2], BTreeMap<&str, [u64; 2]>> = BTreeMap::new();
-        for row in rows.iter().filter(|row| !row.choice.is_empty()) {
-            let pair = names(row);
-            let is_first = row.choice == pair[0];
-            let of = pairs.entry(pair).or_default().entry(&row.participant).or_default();
-            of[usize::from(!is_first)] += 1;
-        }
-        for ([first, second], people) in pairs {
-            let sum = |at: usize| people.values().map(|of| of[at]).sum::<u64>();
-            let (count, answers) = (sum(0), sum(0) + sum(1));
-            let more = |at: usize| people.values().filter(|of| of[at] > of[1 - at]).count() as u64;
-            let share = Share::of(count as usize, answers as usize);
+        for ([first, second], people) in counted(rows, false) {
+            let ([count, others], [for_first, for_second]) = (sums(&people), majorities(&people));
+            let share = Share::of(count as usize, (count + others) as usize);
             self.choices.push(ChoiceRow {
                 phase: phase.to_owned(),
                 first,
                 second,
-                answers,
+                answers: count + others,
                 share_of_first: share.share,
                 low: share.low,
                 high: share.high,
-                p_of_answers: sign_test(count, answers),
+                p_of_answers: sign_test(count, count + others),
                 people: people.len() as u64,
-                people_for_first: more(0),
-                p_of_people: sign_test(more(0), more(0) + more(1)),
+                people_for_first: for_first,
+                p_of_people: sign_test(for_first, for_first + for_second),
             });
+        }
+    }
+
+    /// How often X was found in each pair, by each participant and by all.
+    fn abx(&mut self, phase: &str, rows: &[&Row]) {
+        for (pair, people) in counted(rows, true) {
+            let [found, missed] = majorities(&people);
+            let all = ("", sums(&people), Some(sign_test(found, found + missed)));
+            let each = people.iter().map(|(code, counts)| (*code, *counts, None));
+            self.abx.extend(each.chain([all]).map(|(code, [right, wrong], p_of_people)| {
+                let share = Share::of(right as usize, (right + wrong) as usize);
+                AbxRow {
+                    phase: phase.to_owned(),
+                    pair: pair.join(" / "),
+                    participant: code.to_owned(),
+                    answers: right + wrong,
+                    share_right: share.share,
+                    low: share.low,
+                    high: share.high,
+                    p: sign_test(right, right + wrong),
+                    d_prime: abx_d_prime(share.share),
+                    d_prime_low: abx_d_prime(share.low.max(0.5)),
+                    d_prime_high: abx_d_prime(share.high),
+                    p_of_people,
+                }
+            }));
         }
     }
 
     /// Marks of a version that differs from the reference by Tukey's test, p below 0.05: `*` as in the thesis, `†` with repeated
     /// measures.
     pub fn marks(&self, phase: &str, surface: &str, [version, reference]: [&str; 2]) -> String {
-        let is_pair = |row: &&ComparisonRow| {
-            let pair = [&*row.from, &*row.to];
-            row.phase == phase
-                && row.surface == surface
-                && (pair == [version, reference] || pair == [reference, version])
-        };
-        let found: Vec<&ComparisonRow> =
-            self.comparisons.iter().filter(is_pair).filter(|row| row.p < SIGNIFICANT).collect();
+        let is_pair = |row: &&ComparisonRow| row.surface == surface && row.is_of(phase, [version, reference]);
+        let found = self.comparisons.iter().filter(is_pair).filter(|row| row.p < SIGNIFICANT);
+        let found: Vec<&ComparisonRow> = found.collect();
         let mark = |test: &str, mark| if found.iter().any(|row| row.test == test) { mark } else { "" };
         [mark(THESIS, "*"), mark(REPEATED, "†")].concat()
     }
@@ -845,12 +875,13 @@ impl Analysis {
             ("variance.csv", table(lines(&self.variance, true)?)),
             ("comparisons.csv", table(lines(&self.comparisons, true)?)),
             ("relations.csv", table(lines(&self.relations, true)?)),
-            ("places.csv", table(lines(&self.places, true)?)),
-            ("merges.csv", table(lines(&self.merges, true)?)),
-            ("scree.csv", table(lines(&self.scree, true)?)),
+            ("places.csv", table(lines(&self.maps.places, true)?)),
+            ("merges.csv", table(lines(&self.maps.merges, true)?)),
+            ("scree.csv", table(lines(&self.maps.scree, true)?)),
             ("thresholds.csv", table(lines(&self.thresholds, true)?)),
             ("levels.csv", table(lines(&self.levels, true)?)),
             ("choices.csv", table(lines(&self.choices, true)?)),
+            ("abx.csv", table(lines(&self.abx, true)?)),
         ];
         Ok(all.into_iter().filter(|(_, text)| !text.is_empty()).collect())
     }

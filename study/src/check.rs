@@ -2,8 +2,8 @@
 
 use crate::analyse::REPEATED_STUDIES;
 use crate::data::{DataError, Identity, Row, check_code};
-use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf, TEXTS};
-use crate::order::{ALL_VERSIONS, Stimulus, Trial, distinct, square_rows};
+use crate::document::{Arrange, Factor, Gate, Method, Phase, Presented, Question, Study, SurfaceOf, texts};
+use crate::order::{Stimulus, Trial, distinct, square_rows};
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics, Span};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::document::{Document, LoadOptions, SettingsFile};
@@ -84,10 +84,8 @@ fn surfaces_of(folder: &Path) -> Result<Named<SurfaceOf>, StudyError> {
         Some((Name::from(name.as_str()), SurfaceOf { file: Some(path), sample: Some(name) }))
     };
     let surfaces: Vec<(Name, SurfaceOf)> = files.filter_map(surface).collect();
-    match surfaces.is_empty() {
-        true => Err(StudyError::Run(format!("there is no surface file (.ron) in {}", folder.display()))),
-        false => Ok(Named(surfaces)),
-    }
+    let message = || format!("there is no surface file (.ron) in {}", folder.display());
+    if surfaces.is_empty() { Err(StudyError::Run(message())) } else { Ok(Named(surfaces)) }
 }
 
 impl Checked {
@@ -155,11 +153,12 @@ impl Checked {
             _ => None,
         };
         let scale = trial.scale.and_then(|at| study.scales.0.get(at)).map(|(name, _)| name.text.clone());
+        let x = phase.facts().has_x().then(|| format!("X is {}", ["A", "B"][usize::from(trial.is_swapped)]));
         Row {
             trial: trial.number,
             phase: name.text.clone(),
             training: trial.is_training,
-            scale: scale.or(question).unwrap_or_default(),
+            scale: scale.or(question).or(x).unwrap_or_default(),
             first_surface: surface(trial.first),
             first_version: version(trial.first),
             second_surface: surface(trial.second),
@@ -182,10 +181,7 @@ impl Checked {
             all.push((name.to_owned(), value));
         };
         let version = stimulus.and_then(|stimulus| self.study.versions.0.get(stimulus.version?));
-        let practised = match phase {
-            Phase::Practice(practice) => Some(&practice.settings),
-            _ => None,
-        };
+        let practised = if let Phase::Practice(of) = phase { Some(&of.settings) } else { None };
         let maps = [Some(&self.study.settings), version.map(|(_, values)| values), practised];
         for (name, value) in maps.into_iter().flatten().flat_map(|values| &values.0) {
             set(&name.text, value.show());
@@ -199,8 +195,8 @@ impl Checked {
         if let (Phase::Record(_), Some(of)) = (phase, stimulus) {
             set(&self.study.surface_parameter, self.study.surfaces.0[of.surface].0.text.clone());
         }
-        if let (Some(level), Some((_, parameter, _))) = (level, phase.varied()) {
-            set(&parameter.text, level.show());
+        if let (Some(level), Some(varied)) = (level, phase.facts().varied) {
+            set(&varied.parameter.text, level.show());
         }
         all
     }
@@ -234,11 +230,11 @@ impl Checked {
         let rendered: Vec<usize> =
             surfaces.filter(|(_, (_, of))| of.file.is_some()).map(|(at, _)| at).collect();
         for (number, (_, phase)) in self.study.phases.0.iter().enumerate() {
-            let named = phase.varied().and_then(|(name, ..)| self.study.surfaces.find(&name.text));
+            let named = phase.facts().varied.and_then(|of| self.study.surfaces.find(&of.surface.text));
             let first = named.or(rendered.first().copied());
             for version in 0..self.study.version_count() {
                 let stimulus = first.map(|surface| Stimulus { surface, version: Some(version) });
-                for level in phase.extreme_levels() {
+                for level in phase.facts().extreme_levels() {
                     let graph = self.graph(registry, phase, (stimulus, level), 0)?;
                     self.check_ports(&graph, phase)?;
                     self.check_limits(&graph, &mut limits)?;
@@ -248,7 +244,8 @@ impl Checked {
             let others = rendered.iter().filter(|_| number == 0).filter(|surface| Some(**surface) != first);
             for surface in others {
                 let stimulus = Stimulus { surface: *surface, version: Some(0) };
-                let graph = self.graph(registry, phase, (Some(stimulus), phase.extreme_levels()[0]), 0)?;
+                let graph =
+                    self.graph(registry, phase, (Some(stimulus), phase.facts().extreme_levels()[0]), 0)?;
                 self.check_limits(&graph, &mut limits)?;
             }
         }
@@ -257,7 +254,7 @@ impl Checked {
 
     fn check_ports(&self, graph: &Graph, phase: &Phase) -> Result<(), StudyError> {
         let lamp = self.study.page.as_ref().and_then(|page| page.lamp.as_ref());
-        let gates = phase.gates().into_iter().flat_map(|gates| &gates.0);
+        let gates = phase.facts().gates.iter();
         let plain = lamp.into_iter().chain(&self.study.measures).map(|port| (port, None));
         let ports = gates.map(|(_, gate)| (&gate.port, Some(gate))).chain(plain);
         let mut list = Vec::new();
@@ -278,10 +275,8 @@ impl Checked {
                 list.push(wrong.label(format!("the unit of a {quantity}")));
             }
         }
-        match list.is_empty() {
-            true => Ok(()),
-            false => Err(StudyError::Study(Diagnostics { sources: self.file.sources.clone(), list })),
-        }
+        let sources = self.file.sources.clone();
+        if list.is_empty() { Ok(()) } else { Err(StudyError::Study(Diagnostics { sources, list })) }
     }
 
     /// People are at the other end: nothing above what the thesis gave them without the experimenter's word, and no version with other
@@ -341,12 +336,12 @@ impl Checked {
     /// If it is no code, or has no number where an order takes the row of a Latin square by it.
     pub fn check_code(&self, code: &str) -> Result<(), DataError> {
         check_code(code)?;
-        let is_latin =
-            |(_, phase): &(Name, Phase)| phase.order().iter().any(|level| level.arrange == Arrange::Latin);
-        match self.study.phases.0.iter().any(is_latin) && !code.ends_with(|c: char| c.is_ascii_digit()) {
-            true => Err(DataError::NoNumber { code: code.to_owned() }),
-            false => Ok(()),
-        }
+        let is_latin = |(_, phase): &(Name, Phase)| {
+            phase.facts().order.into_iter().flatten().any(|level| level.arrange == Arrange::Latin)
+        };
+        let has_number = code.ends_with(|c: char| c.is_ascii_digit());
+        let is_lacking = !has_number && self.study.phases.0.iter().any(is_latin);
+        if is_lacking { Err(DataError::NoNumber { code: code.to_owned() }) } else { Ok(()) }
     }
 
     /// What the study renders: the phase, the stimulus and the level of the varied parameter, once for the same parameters.
@@ -355,9 +350,9 @@ impl Checked {
         for trial in (0..self.study.group_count()).flat_map(|group| self.study.trials("1", group)) {
             let phase = &self.study.phases.0[trial.phase].1;
             let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
-            for (stimulus, level) in stimuli
-                .flat_map(|stimulus| phase.extreme_levels().into_iter().map(move |level| (stimulus, level)))
-            {
+            for (stimulus, level) in stimuli.flat_map(|stimulus| {
+                phase.facts().extreme_levels().into_iter().map(move |level| (stimulus, level))
+            }) {
                 let parameters = self.parameters(phase, (Some(stimulus), level));
                 if !seen.contains(&parameters) {
                     seen.push(parameters);
@@ -372,76 +367,6 @@ impl Checked {
     /// Seed of the run of a trial: of the study, the participant and the trial alone.
     pub fn seed_of(&self, participant: &str, trial: &Trial) -> u64 {
         stream_seed(self.study.seed, &format!("{participant}/{}", trial.number))
-    }
-}
-
-impl Phase {
-    /// Length of a trial that ends by the clock, s.
-    pub(crate) fn length_s(&self) -> Option<f64> {
-        match self {
-            Self::Record(of) => Some(of.seconds),
-            Self::Break(of) => Some(of.at_least_s),
-            _ => None,
-        }
-    }
-
-    /// What has to be reached before an answer opens.
-    pub fn gates(&self) -> Option<&Named<Gate>> {
-        match self {
-            Self::Explore(phase) => Some(&phase.opens_when),
-            Self::Rate(phase) => Some(&phase.opens_when),
-            Self::Compare(phase) => Some(&phase.opens_when),
-            Self::Pairs(phase) => Some(&phase.opens_when),
-            Self::ConstantStimuli(phase) => Some(&phase.opens_when),
-            Self::TwoAlternative(phase) => Some(&phase.opens_when),
-            _ => None,
-        }
-    }
-
-    /// The surface and the parameter that differs between two stimuli, with its value in the standard.
-    pub(crate) fn varied(&self) -> Option<(&Name, &Name, f64)> {
-        match self {
-            Self::ConstantStimuli(phase) => Some((&phase.surface, &phase.parameter, phase.standard)),
-            Self::Staircase(phase) => Some((&phase.surface, &phase.parameter, phase.standard)),
-            _ => None,
-        }
-    }
-
-    /// What is presented of which surfaces, all if none is named.
-    fn presented(&self) -> (&[Presented], &[Name]) {
-        match self {
-            Self::Practice(of) => (&of.stimuli, &of.surfaces),
-            Self::Explore(of) => (&of.stimuli, &of.surfaces),
-            Self::Rate(of) => (&of.stimuli, &of.surfaces),
-            Self::Pairs(of) => (&of.stimuli, &of.surfaces),
-            Self::Compare(of) => (&[Presented::Real, ALL_VERSIONS], &of.surfaces),
-            Self::TwoAlternative(of) => (&of.stimuli, &of.surfaces),
-            Self::Record(of) => (&[Presented::Real], &of.surfaces),
-            _ => (&[], &[]),
-        }
-    }
-
-    /// The extreme values of that parameter; `None` where there is none.
-    fn extreme_levels(&self) -> Vec<Option<f64>> {
-        let levels = match self {
-            Self::ConstantStimuli(phase) => [&phase.levels[..], &[phase.standard]].concat(),
-            Self::Staircase(phase) => [phase.limits[0], phase.limits[1]].to_vec(),
-            _ => return vec![None],
-        };
-        let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = levels.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        vec![Some(least), Some(most)]
-    }
-
-    /// The order of its trials.
-    pub(crate) fn order(&self) -> &[crate::document::Level] {
-        match self {
-            Self::Explore(phase) => &phase.order,
-            Self::Rate(phase) => &phase.order,
-            Self::Compare(phase) => &phase.order,
-            Self::Record(phase) => &phase.order,
-            _ => &[],
-        }
     }
 }
 
@@ -466,17 +391,22 @@ impl Names<'_> {
     fn check(mut self) -> Vec<Diagnostic> {
         let study = self.study;
         for (name, phase) in &study.phases.0 {
-            self.known(phase.groups(), &study.groups, "group");
+            self.known(phase.facts().groups, &study.groups, "group");
             self.names_of(phase);
             self.order(name, phase);
-            let trials = study.count(phase);
+            if phase.facts().has_x() && phase.facts().presents.0.contains(&Presented::Real) {
+                let message = format!("phase `{}` has a real X: which one it is can be seen", name.text);
+                self.wrong("E0304", name, [&message, "of this phase", "write `stimuli: [Virtual]`"]);
+            }
+            // Counted, not made: there may be more than memory holds.
+            let cells = || study.cells(phase).take(MOST_TRIALS + 1).count();
+            let trials = cells().saturating_mul(phase.facts().repeats as usize);
             if self.list.is_empty() && !(1..=MOST_TRIALS).contains(&trials) {
+                let count = if trials == 0 { "no" } else { "too many" };
                 let message =
-                    format!("phase `{}` has {trials} trials; at most {MOST_TRIALS} are possible", name.text);
-                let wrong = Diagnostic::error("E0304", name.span, message).label("none, or too many");
-                self.list.push(
-                    wrong.help("a real surface needs `sample`, a virtual one `file`, and a rating a scale"),
-                );
+                    format!("phase `{}` has {count} trials; 1 to {MOST_TRIALS} are possible", name.text);
+                let help = "a real surface needs `sample`, a virtual one `file`, and a rating a scale";
+                self.wrong("E0304", name, [&message, "none, or too many", help]);
             }
         }
         if study.phases.0.is_empty() {
@@ -494,12 +424,10 @@ impl Names<'_> {
         self.plain(&study.scales);
         self.plain(&study.groups);
         self.plain(&study.phases);
-        for (name, _) in study.page.iter().flat_map(|page| &page.texts.0) {
-            let known = TEXTS.map(|(known, _)| known);
-            if !known.contains(&&*name.text) {
-                self.list.push(unknown_name(name, "text", &known));
-            }
-        }
+        let texts: Vec<&str> = texts().map(|(name, _)| name).collect();
+        let own = study.page.iter().flat_map(|page| &page.texts.0);
+        let unknown = own.filter(|(name, _)| !texts.contains(&&*name.text));
+        self.list.extend(unknown.map(|(name, _)| unknown_name(name, "text", &texts)));
         if let Some((name, _)) = study.versions.0.iter().find(|(name, _)| name.text == "real") {
             let wrong = Diagnostic::error("E0211", name.span, "a version cannot be called `real`");
             self.list.push(wrong.label("so are the real surfaces in the data"));
@@ -507,22 +435,25 @@ impl Names<'_> {
         self.list
     }
 
+    /// Reports what is wrong with something named.
+    fn wrong(&mut self, code: &'static str, at: &Name, [message, label, help]: [&str; 3]) {
+        self.list.push(Diagnostic::error(code, at.span, message).label(label).help(help));
+    }
+
     /// The surfaces, versions and scales of a phase.
     fn names_of(&mut self, phase: &Phase) {
         let study = self.study;
-        let (presented, surfaces) = phase.presented();
+        let (presented, surfaces) = phase.facts().presents;
         self.known(surfaces, &study.surfaces, "surface");
         for presented in presented {
             if let Presented::Virtual(of) = presented {
                 self.known(&of.version, &study.versions, "version");
             }
         }
+        if let Some(varied) = phase.facts().varied {
+            self.rendered(varied.surface);
+        }
         match phase {
-            Phase::Practice(_)
-            | Phase::Explore(_)
-            | Phase::Record(_)
-            | Phase::TwoAlternative(_)
-            | Phase::Break(_) => {}
             Phase::Rate(of) => self.known(&of.scales, &study.scales, "scale"),
             Phase::Compare(of) => {
                 self.known(&of.versions, &study.versions, "version");
@@ -540,8 +471,8 @@ impl Names<'_> {
                 self.plain(&of.questions);
                 of.questions.0.iter().for_each(|(name, question)| self.question(name, question));
             }
-            Phase::ConstantStimuli(of) => self.rendered(&of.surface),
             Phase::Staircase(of) => self.staircase(of),
+            _ => {}
         }
     }
 
@@ -551,16 +482,15 @@ impl Names<'_> {
             let message = format!("cannot read `{}`: there is no such file", file.display());
             let near = files::similar(file).map(|near| format!("did you mean `{near}`?"));
             let help = near.unwrap_or_else(|| "paths are relative to the study".to_owned());
-            self.list
-                .push(Diagnostic::error("E0108", name.span, message).label("of this surface").help(help));
+            self.wrong("E0108", name, [&message, "of this surface", &help]);
         }
         let message = match (&of.file, &of.sample) {
             (_, Some(sample)) if sample.trim().is_empty() => "the `sample` is empty",
             (None, None) => "the surface is neither virtual nor real",
             _ => return,
         };
-        let wrong = Diagnostic::error("E0205", name.span, message).label("of this surface");
-        self.list.push(wrong.help("give it a `file`, or a `sample` that the experimenter can lay out"));
+        let help = "give it a `file`, or a `sample` that the experimenter can lay out";
+        self.wrong("E0205", name, [message, "of this surface", help]);
     }
 
     /// Refuses names that break the lines of a table.
@@ -593,13 +523,11 @@ impl Names<'_> {
         self.known([surface], &study.surfaces, "surface");
         if study.surfaces.find(&surface.text).is_some_and(|at| study.surfaces.0[at].1.file.is_none()) {
             let message = format!("surface `{}` is only real", surface.text);
-            let wrong = Diagnostic::error("E0304", surface.span, message).label("cannot be rendered");
-            self.list.push(wrong.help("give it a `file`"));
+            self.wrong("E0304", surface, [&message, "cannot be rendered", "give it a `file`"]);
         }
     }
 
     fn staircase(&mut self, of: &crate::document::Staircase) {
-        self.rendered(&of.surface);
         let [least, most] = of.limits;
         let is_within = |level: &f64| (least..=most).contains(level);
         let can_move = match &of.method {
@@ -609,10 +537,8 @@ impl Names<'_> {
             Method::QuestPlus => least < most,
         };
         if !is_within(&of.standard) || !can_move {
-            let message = "the staircase cannot move".to_owned();
-            let wrong = Diagnostic::error("E0304", of.parameter.span, message).label("of this parameter");
             let help = "`standard` and `start` lie within `limits`, and each of `steps` is above zero";
-            self.list.push(wrong.help(help));
+            self.wrong("E0304", &of.parameter, ["the staircase cannot move", "of this parameter", help]);
         }
     }
 
@@ -635,14 +561,15 @@ impl Names<'_> {
 
     /// An order that names a factor twice, or one that is within another.
     fn order(&mut self, name: &Name, phase: &Phase) {
-        let factors: Vec<Factor> = phase.order().iter().map(|level| level.factor).collect();
+        let factors: Vec<Factor> =
+            phase.facts().order.into_iter().flatten().map(|level| level.factor).collect();
         let count = |wanted: Factor| factors.iter().filter(|factor| **factor == wanted).count();
         let is_both = count(Factor::Stimulus) > 0 && count(Factor::Surface) + count(Factor::Version) > 0;
         let is_twice = factors.iter().any(|factor| count(*factor) > 1);
         if is_both || is_twice {
             let message = format!("the order of phase `{}` has a factor twice", name.text);
-            let wrong = Diagnostic::error("E0304", name.span, message).label("of this phase");
-            self.list.push(wrong.help("`Stimulus` is surface and version together; name each factor once"));
+            let help = "`Stimulus` is surface and version together; name each factor once";
+            self.wrong("E0304", name, [&message, "of this phase", help]);
         }
     }
 }
@@ -654,13 +581,13 @@ impl Study {
         let trials = self.trials("1", group);
         for (number, (_, phase)) in self.phases.0.iter().enumerate() {
             let of_phase = || trials.iter().filter(|trial| trial.phase == number);
-            let squares = phase.order().iter().filter(|level| level.arrange == Arrange::Latin);
+            let squares =
+                phase.facts().order.into_iter().flatten().filter(|level| level.arrange == Arrange::Latin);
             let rows = squares.map(|level| square_rows(distinct(of_phase(), level.factor).len()));
             // Squares of a phase are crossed; phases take the same number.
             if let Some(rows) = rows.reduce(usize::saturating_mul) {
-                all = Some(
-                    all.map_or(rows, |before: usize| (before / common(before, rows)).saturating_mul(rows)),
-                );
+                let both = |before: usize| (before / common(before, rows)).saturating_mul(rows);
+                all = Some(all.map_or(rows, both));
             }
         }
         all
@@ -669,22 +596,21 @@ impl Study {
     /// How long trials take, s: `trial_s` each, and what the conditions of each virtual stimulus ask for in seconds, one after the other.
     pub fn duration_s(&self, trials: &[Trial]) -> f64 {
         let conditions_s = |trial: &Trial| {
-            let gates = self.phases.0[trial.phase].1.gates().into_iter().flat_map(|gates| &gates.0);
+            let gates = self.phases.0[trial.phase].1.facts().gates.iter();
             let of_time = gates.filter(|(_, gate)| gate.quantity == Quantity::TIME);
-            let stimuli = [trial.first, trial.second].into_iter().flatten().filter(|of| of.version.is_some());
+            let stimuli = self.places(trial).into_iter().flatten().filter(|of| of.version.is_some());
             of_time.map(|(_, gate)| gate.at_least).sum::<f64>() * stimuli.count().max(1) as f64
         };
         let length_s = |trial: &Trial| match &self.phases.0[trial.phase].1 {
             Phase::Break(of) => of.at_least_s,
-            Phase::Record(of) => of.seconds + self.trial_s,
-            _ => self.trial_s + conditions_s(trial),
+            phase => self.trial_s + phase.facts().length_s.unwrap_or_else(|| conditions_s(trial)),
         };
         trials.iter().map(length_s).sum()
     }
 
     /// The surfaces of a phase that lack what it presents of others: a `sample` for the real one, a `file` for the virtual one.
     pub fn lacking(&self, phase: &Phase) -> Vec<&str> {
-        let (presented, surfaces) = phase.presented();
+        let (presented, surfaces) = phase.facts().presents;
         let lacks = |of: &SurfaceOf| {
             presented.iter().any(|presented| match presented {
                 Presented::Real => of.sample.is_none(),
@@ -693,28 +619,6 @@ impl Study {
         };
         let some = Self::some(surfaces, &self.surfaces).into_iter().map(|at| &self.surfaces.0[at]);
         some.filter(|(_, of)| lacks(of)).map(|(name, _)| name.text.as_str()).collect()
-    }
-
-    /// Number of trials of a phase, without training, by arithmetic.
-    fn count(&self, phase: &Phase) -> usize {
-        let scales = |names: &[Name]| if names.is_empty() { self.scales.0.len() } else { names.len() };
-        let (presented, surfaces) = phase.presented();
-        let stimuli = self.stimuli(presented, surfaces).len();
-        match phase {
-            Phase::Practice(of) if of.stimuli.is_empty() => 1,
-            Phase::Practice(_) | Phase::Explore(_) => stimuli,
-            Phase::Rate(of) => stimuli.saturating_mul(scales(&of.scales)).saturating_mul(of.repeats as usize),
-            Phase::Compare(of) => self.compared(of).len().saturating_mul(of.repeats as usize),
-            Phase::Pairs(_) => stimuli.saturating_mul(stimuli.saturating_sub(1)) / 2,
-            // Pairs grow with the square of the stimuli.
-            Phase::TwoAlternative(_) if stimuli > MOST_TRIALS / 10 => usize::MAX,
-            Phase::TwoAlternative(of) => self.alternatives(of).len().saturating_mul(of.repeats as usize),
-            Phase::Break(_) => 1,
-            Phase::Record(of) => stimuli.saturating_mul(of.takes as usize),
-            Phase::Questions(of) => of.questions.0.len(),
-            Phase::ConstantStimuli(of) => of.levels.len().saturating_mul(of.repeats as usize),
-            Phase::Staircase(of) => of.at_most as usize,
-        }
     }
 }
 

@@ -28,9 +28,9 @@ pub enum Said {
         /// Number of the trial that was seen.
         trial: u32,
     },
-    /// The participant wants to feel the earlier or left (0) or the other (1) of two stimuli.
+    /// The participant wants to feel the earlier or left one or A (0), the other one or B (1), or X (2).
     Feel {
-        /// 0 or 1.
+        /// 0, 1 or 2.
         place: usize,
     },
     /// The participant's answer.
@@ -143,6 +143,7 @@ struct Known {
 }
 
 /// A participant in a session.
+#[derive(Default)]
 struct Seat {
     code: String,
     group: usize,
@@ -160,7 +161,9 @@ struct Seat {
     feedback: Option<bool>,
 }
 
+#[derive(Default)]
 enum State {
+    #[default]
     Consent,
     /// The trial waits for the experimenter.
     Preparing(Current),
@@ -171,9 +174,10 @@ enum State {
 }
 
 /// The run in which a stimulus is felt.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 enum Run {
     /// None: what is felt is real, or a question.
+    #[default]
     None,
     /// Asked for at this time, s.
     Asked(f64),
@@ -184,13 +188,14 @@ enum Run {
 }
 
 /// A trial in progress.
+#[derive(Default)]
 struct Current {
     trial: Trial,
-    /// The stimuli by their place: the left or earlier one first.
-    places: [Option<Stimulus>; 2],
-    tallies: [Option<Tally>; 2],
+    /// The stimuli by their place: the left or earlier one first, X last.
+    places: Vec<Option<Stimulus>>,
+    tallies: Vec<Option<Tally>>,
     /// True for places that were felt.
-    felt: [bool; 2],
+    felt: Vec<bool>,
     /// The place that is felt now.
     place: usize,
     /// The run in which it is felt.
@@ -208,9 +213,9 @@ impl Current {
         self.places[place].is_some_and(|of| of.version.is_some())
     }
 
-    /// True if two virtual stimuli take turns.
+    /// True if virtual stimuli take turns.
     fn has_turns(&self) -> bool {
-        self.is_virtual(0) && self.is_virtual(1)
+        self.places.len() > 1 && (0..self.places.len()).all(|place| self.is_virtual(place))
     }
 
     /// True if the place that is felt is rendered; a practice without stimuli is the graph as it is.
@@ -221,7 +226,7 @@ impl Current {
     }
 
     fn is_reached(&self) -> bool {
-        (0..2).all(|place| {
+        (0..self.places.len()).all(|place| {
             let is_open = self.tallies[place].as_ref().is_none_or(Tally::is_open);
             !self.is_virtual(place) || (is_open && self.felt[place])
         })
@@ -358,17 +363,8 @@ impl Conductor {
             .find(|known| study.group_name(*known) == group)
             .ok_or_else(|| format!("the study has no group `{group}`"))?;
         let known = self.known.iter().find(|known| known.code == code);
-        let mut seat = Seat {
-            code: code.to_owned(),
-            group,
-            claim: None,
-            trials: study.trials(code, group),
-            again: None,
-            state: State::Consent,
-            laid: [None, None],
-            held: None,
-            feedback: None,
-        };
+        let trials = study.trials(code, group);
+        let mut seat = Seat { code: code.to_owned(), group, trials, ..Seat::default() };
         // Who came before has agreed.
         if known.is_some() {
             seat.claim = Some(self.claim(&seat)?);
@@ -412,28 +408,20 @@ impl Conductor {
             return Ok(Step::Silence);
         };
         let phase = &study.phases.0[trial.phase].1;
-        let mut places = [trial.first, trial.second];
-        if trial.is_swapped {
-            places.reverse();
-        }
-        let tallies = places.map(|of| of.is_some().then(|| Tally::new(study, phase)));
-        let place = usize::from(places[0].is_none_or(|of| of.version.is_none()) && places[1].is_some());
-        let current = Current {
-            trial,
-            places,
-            tallies,
-            felt: [false; 2],
-            place,
-            run: Run::None,
-            since_s: None,
-            exploration_s: 0.0,
-            opened_s: None,
-            is_forced: false,
-        };
-        let laid = places.map(|of| {
-            let of = of.filter(|of| of.version.is_none())?;
+        let places = study.places(&trial);
+        let rendered = places.iter().position(|of| of.is_some_and(|of| of.version.is_some()));
+        let laid = std::array::from_fn(|place| {
+            let of = places.get(place).copied().flatten().filter(|of| of.version.is_none())?;
             study.surfaces.0[of.surface].1.sample.clone()
         });
+        let current = Current {
+            trial,
+            tallies: places.iter().map(|of| of.is_some().then(|| Tally::new(study, phase))).collect(),
+            felt: vec![false; places.len()],
+            place: rendered.unwrap_or(places.len() - 1),
+            places,
+            ..Current::default()
+        };
         // What lies there from the trial before is taken away, too.
         let is_to_lay = laid != seat.laid;
         seat.laid = laid;
@@ -490,8 +478,14 @@ impl Conductor {
     fn feel(&mut self, place: usize, now_s: f64) -> Stepped {
         let seat = self.seat()?;
         match &seat.state {
-            State::Felt(current) if current.has_turns() && place < 2 && current.has_begun(now_s) => {
-                if current.place == place { Ok(Step::None) } else { self.present(Some(place), now_s) }
+            State::Felt(current)
+                if current.has_turns() && place < current.places.len() && current.has_begun(now_s) =>
+            {
+                if current.place == place {
+                    Ok(Step::None)
+                } else {
+                    self.present(Some(place), now_s)
+                }
             }
             _ => Ok(Step::None),
         }
@@ -518,8 +512,8 @@ impl Conductor {
         }
         let stimulus = current.places[current.place];
         let is_second = (current.place == 1) != current.trial.is_swapped;
-        let level = match (phase.varied(), is_second) {
-            (Some((.., standard)), false) => Some(standard),
+        let level = match (phase.facts().varied, is_second) {
+            (Some(varied), false) => Some(varied.standard),
             _ => current.trial.level,
         };
         let code = seat.code.clone();
@@ -559,11 +553,8 @@ impl Conductor {
     pub fn ports(&self) -> Vec<String> {
         let page = self.checked.study.page.as_ref();
         let lamp = page.and_then(|page| page.lamp.as_ref()).map(|name| name.text.clone());
-        let current = self.seat.as_ref().and_then(|seat| match &seat.state {
-            State::Felt(current) => current.tallies[current.place].as_ref(),
-            _ => None,
-        });
-        current.into_iter().flat_map(Tally::ports).map(str::to_owned).chain(lamp).collect()
+        let tally = self.felt().and_then(|current| current.tallies[current.place].as_ref());
+        tally.into_iter().flat_map(Tally::ports).map(str::to_owned).chain(lamp).collect()
     }
 
     /// Takes frames of one of these ports.
@@ -572,8 +563,7 @@ impl Conductor {
         if let Some(last) = frames.last().filter(|_| lamp.is_some_and(|lamp| lamp.text == port)) {
             self.lamp = *last != 0.0;
         }
-        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
-            && current.has_begun(now_s)
+        if let Some(current) = self.felt_mut().filter(|current| current.has_begun(now_s))
             && let Some(tally) = &mut current.tallies[current.place]
         {
             tally.take(port, of, frames);
@@ -593,9 +583,8 @@ impl Conductor {
         if begins {
             return self.present(None, now_s);
         }
-        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
-            && matches!(current.run, Run::Begun(from_s) if now_s >= from_s)
-        {
+        let rises = |current: &&mut Current| matches!(current.run, Run::Begun(from_s) if now_s >= from_s);
+        if let Some(current) = self.felt_mut().filter(rises) {
             current.run = Run::Armed;
             return Ok(Step::Arm);
         }
@@ -606,7 +595,10 @@ impl Conductor {
             let phase = &self.checked.study.phases.0[current.trial.phase].1;
             let is_record = matches!(phase, Phase::Record(_));
             let is_reached = current.is_forced
-                || phase.length_s().map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
+                || phase
+                    .facts()
+                    .length_s
+                    .map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
             if current.opened_s.is_none() && is_reached {
                 current.opened_s = Some(now_s);
                 return Ok(if is_record { Step::Silence } else { Step::None });
@@ -620,21 +612,29 @@ impl Conductor {
 
     /// True if a run belongs to the trial, or was asked for.
     pub fn has_run(&self) -> bool {
-        matches!(&self.seat, Some(Seat { state: State::Felt(current), .. }) if current.run != Run::None)
+        self.felt().is_some_and(|current| current.run != Run::None)
+    }
+
+    /// The trial that is felt.
+    fn felt(&self) -> Option<&Current> {
+        let state = &self.seat.as_ref()?.state;
+        if let State::Felt(current) = state { Some(current) } else { None }
+    }
+
+    fn felt_mut(&mut self) -> Option<&mut Current> {
+        let state = &mut self.seat.as_mut()?.state;
+        if let State::Felt(current) = state { Some(current) } else { None }
     }
 
     /// True if the run of the trial goes on, with armed actuators where there are any.
     pub fn is_rendering(&self) -> bool {
-        let study = &self.checked.study;
-        matches!(
-            &self.seat,
-            Some(Seat { state: State::Felt(current), .. }) if current.run == Run::Armed && current.renders(study)
-        )
+        let is_armed = |current: &Current| current.run == Run::Armed && current.renders(&self.checked.study);
+        self.felt().is_some_and(is_armed)
     }
 
     /// True if the participant's pad is heard now.
     pub fn is_felt_at(&self, now_s: f64) -> bool {
-        matches!(&self.seat, Some(Seat { state: State::Felt(current), .. }) if current.has_begun(now_s))
+        self.felt().is_some_and(|current| current.has_begun(now_s))
     }
 
     /// Interrupts the trial, as by a STOP: it goes on when the experimenter is ready, with what was gained so far.

@@ -1,5 +1,8 @@
 //! The folder of a study: tables that grow by a line a trial, on disk before the next trial.
 
+// The codebook and the messages say what they are.
+#![allow(missing_docs)]
+
 use crate::document::Study;
 use haptograph_engine::document::SettingsFile;
 use haptograph_signal::files::{self, Lock, MAX_GRAPH_BYTES, MAX_RECORDING_BYTES, write_atomically};
@@ -13,7 +16,6 @@ use std::path::{Path, PathBuf};
 
 /// A line of `trials.csv`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[allow(missing_docs)] // see CODEBOOK
 pub struct Row {
     pub participant: String,
     pub group: String,
@@ -61,7 +63,6 @@ pub enum Status {
 
 /// A line of `measures.csv`: a number of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs)] // see CODEBOOK
 pub struct Measure {
     pub participant: String,
     pub trial: u32,
@@ -73,7 +74,6 @@ pub struct Measure {
 
 /// A line of `participants.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs)] // see CODEBOOK
 pub struct Participant {
     pub participant: String,
     pub group: String,
@@ -85,7 +85,6 @@ pub struct Participant {
 
 /// A line of `notes.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[allow(missing_docs)] // see CODEBOOK
 pub struct Note {
     pub participant: String,
     /// 0 between trials.
@@ -95,64 +94,10 @@ pub struct Note {
 }
 
 /// What each column means, as `codebook.md`.
-const CODEBOOK: &str = "\
-# Codebook
-
-UTF-8, comma separated, one header line, empty where there is no value, `true` and `false`.
-
-## participants.csv: a line for each participant
-
-| column | meaning |
-|---|---|
-| participant | code; only the experimenter's own list says who it is |
-| group | group of the study |
-| consent_utc | when the participant agreed |
-| withdrawn_utc | when the participant's data were removed; then nothing else is kept |
-| simulated | true for a participant who does not exist |
-
-## trials.csv: a line for each attempt at a trial; of several attempts the last counts
-
-| column | meaning |
-|---|---|
-| participant, group, simulated | as above |
-| trial | number in the participant's plan, from 1 |
-| attempt | from 1; more than one if the experimenter repeated the trial |
-| status | answered, forced (opened by the experimenter before its conditions were reached), skipped |
-| phase | name of the phase |
-| training | true for a training trial, which is not analysed |
-| scale | scale, or question |
-| first_surface, first_version | what was presented; `real`, or the version of the virtual surface |
-| second_surface, second_version | what it was compared with |
-| second_is_left_or_earlier | true if the second one was on the left, or came first |
-| level | value of the varied parameter in the second one |
-| rating | 0 at the left end of the scale, 1 at the right one; the number of an answer |
-| choice | the chosen one (standard, or comparison, which has `level`), or the chosen answer |
-| is_right | true if the higher level was chosen |
-| text | answer in words |
-| exploration_s | from the beginning of the trial until the answer opened, without interruptions, s |
-| response_s | from then on until the answer was confirmed, s |
-| session | run of the program that wrote the line |
-| time_utc | when it was written |
-| surface_sha256 | hash of the surface's file |
-
-## measures.csv: a number of a trial, in the unit of its line
-
-Conditions (what was gained during the trial) by their names; mean, sd and largest magnitude of the study's measures. Of two
-virtual stimuli each has its own, `first: ` and `second: `. A number whose trial is not in trials.csv is of an interrupted attempt.
-
-## notes.csv: a note of the experimenter, or an interruption (`STOP`, `paused`), with the trial during which it was made
-
-## recordings/SURFACE.PARTICIPANT.TAKE: what was recorded, for `haptograph evaluate` and `haptograph learn`
-
-## signals/PARTICIPANT/TRIAL-ATTEMPT-RUN: the runs in which something was felt, in their order
-
-`strokes.json` has the moves, the parameters of the graph and the seed, and can be replayed; the other files are those that the graph writes.
-A trial has several runs if two stimuli took turns, or if it was interrupted.
-";
+const CODEBOOK: &str = include_str!("codebook.md");
 
 /// Why data cannot be read or kept.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // see the messages
 pub enum DataError {
     #[error("{}: {message}", path.display())]
     File { path: PathBuf, message: String },
@@ -393,10 +338,8 @@ impl Folder {
     /// An error unless its study has this text.
     pub(crate) fn check_text(&self, text: &str) -> Result<(), DataError> {
         let path = self.path.join("study.ron");
-        match files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| file_error(&path, error))? == text {
-            true => Ok(()),
-            false => Err(DataError::OtherStudy { path: self.path.clone() }),
-        }
+        let own = files::read_text(&path, MAX_GRAPH_BYTES).map_err(|error| file_error(&path, error))?;
+        if own == text { Ok(()) } else { Err(DataError::OtherStudy { path: self.path.clone() }) }
     }
 
     /// The folder.
@@ -655,10 +598,8 @@ impl Claim {
         let start = format!("{code},");
         let is_free = |table: &[u8]| {
             let there = table.split(|byte| *byte == b'\n').filter(|line| line.starts_with(start.as_bytes()));
-            match there.count() == self.rows.len() {
-                true => Ok(()),
-                false => Err(DataError::OtherSession { code: code.clone() }),
-            }
+            let is_same = there.count() == self.rows.len();
+            if is_same { Ok(()) } else { Err(DataError::OtherSession { code: code.clone() }) }
         };
         append(&self.folder.table("trials.csv"), std::slice::from_ref(&row), is_free)?;
         self.rows.push(row);

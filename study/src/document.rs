@@ -74,7 +74,7 @@ settings! {
     pub struct Page {
         /// The language of the texts, as in `de`, for programs that read them aloud.
         language: String = "en".to_owned();
-        /// What differs from the English texts, by their names; `TEXTS` has them all.
+        /// What differs from the English texts, by their names.
         texts: Named<String> = Named::default();
         /// A port of the graph that lights the lamp while it is not zero, such as a warning of too much force.
         lamp: Option<Name> = None;
@@ -83,33 +83,10 @@ settings! {
     }
 }
 
-/// The texts of the participant's page.
-pub const TEXTS: [(&str, &str); 21] = [
-    ("welcome", "Welcome"),
-    (
-        "consent",
-        "You are going to feel surfaces and answer questions about them. You can stop at any time, without giving a reason.",
-    ),
-    ("agree", "I agree to take part"),
-    ("next", "Next"),
-    ("stop", "Stop"),
-    ("wait", "Please wait a moment"),
-    ("stopped", "Stopped. Nothing moves. Say when you want to go on."),
-    ("training", "A try first"),
-    ("compare", "Feel both as often as you like, then answer."),
-    ("feel", "Feel"),
-    ("answer", "Your answer"),
-    ("start", "Hold the tool free of everything, then go on"),
-    ("thanks", "That was all. Thank you!"),
-    ("problem", "Something went wrong. Please call the experimenter."),
-    ("right", "That was right."),
-    ("wrong", "That was wrong."),
-    ("force", "Pressing force"),
-    ("noise", "Noise"),
-    ("first", "First"),
-    ("second", "Second"),
-    ("pad", "Surface"),
-];
+/// The English texts of the participant's page, by their names.
+pub(crate) fn texts() -> impl Iterator<Item = (&'static str, &'static str)> {
+    include_str!("texts.txt").lines().filter_map(|line| line.split_once(": "))
+}
 
 choices! {
     /// Noise on headphones.
@@ -276,6 +253,8 @@ settings! {
         text: String = String::new();
         /// The question, which is answered by one of the two.
         ask: String;
+        /// A third stimulus, X, is one of the two, A and B: which one is X?
+        abx: bool = false;
         /// What is compared: every pair of a surface's stimuli.
         stimuli: Vec<Presented> = vec![Presented::Virtual(Version { version: None })];
         /// Of these surfaces; all if empty.

@@ -7,6 +7,7 @@ pub mod data;
 pub mod document;
 pub mod order;
 pub mod people;
+mod phase;
 pub mod power;
 pub mod progress;
 pub mod statistics;

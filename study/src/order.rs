@@ -1,16 +1,11 @@
 //! The trials of a participant, drawn from the study's seed and the participant's code alone.
 
-use crate::document::{
-    Arrange, Compare, Factor, Level, Pairs, Phase, Presented, Study, TwoAlternative, Version,
-};
+use crate::document::{Arrange, Compare, Factor, Level, Phase, Presented, Study};
 use haptograph_engine::document::value::Name;
 use haptograph_engine::settings::Named;
 use haptograph_signal::noise::stream_seed;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-
-/// All versions of a virtual surface.
-pub(crate) const ALL_VERSIONS: Presented = Presented::Virtual(Version { version: None });
 
 /// What is presented: a surface, real or in one of the versions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,11 +29,11 @@ pub struct Trial {
     pub question: Option<usize>,
     /// Number of the scale.
     pub scale: Option<usize>,
-    /// What is presented; in a comparison the real surface or the standard.
+    /// What is presented; in a comparison the real surface or the standard, in ABX what X is.
     pub first: Option<Stimulus>,
     /// What is presented beside it or after it.
     pub second: Option<Stimulus>,
-    /// True if the second one is on the left, or comes first.
+    /// True if the second one is on the left, comes first, or is A.
     pub is_swapped: bool,
     /// The parameter's value in the second one. In a staircase it follows from the answers.
     pub level: Option<f64>,
@@ -46,12 +41,12 @@ pub struct Trial {
 
 impl Study {
     /// Number of versions; a study without any has one.
-    pub fn version_count(&self) -> usize {
+    pub(crate) fn version_count(&self) -> usize {
         self.versions.0.len().max(1)
     }
 
     /// Name of a version.
-    pub fn version_name(&self, version: usize) -> &str {
+    pub(crate) fn version_name(&self, version: usize) -> &str {
         self.versions.0.get(version).map_or("virtual", |(name, _)| &name.text)
     }
 
@@ -66,8 +61,8 @@ impl Study {
     }
 
     /// True if a phase belongs to a group.
-    pub fn is_of_group(&self, phase: usize, group: usize) -> bool {
-        let groups = self.phases.0[phase].1.groups();
+    pub(crate) fn is_of_group(&self, phase: usize, group: usize) -> bool {
+        let groups = self.phases.0[phase].1.facts().groups;
         groups.is_empty() || groups.iter().any(|name| name.text == self.group_name(group))
     }
 
@@ -81,10 +76,7 @@ impl Study {
 
     /// Some versions, or all.
     pub(crate) fn some_versions(&self, names: &[Name]) -> Vec<usize> {
-        match names.is_empty() {
-            true => (0..self.version_count()).collect(),
-            false => Self::some(names, &self.versions),
-        }
+        if names.is_empty() { (0..self.version_count()).collect() } else { Self::some(names, &self.versions) }
     }
 
     /// The version with which a phase compares its others.
@@ -124,7 +116,7 @@ impl Study {
             }
             let mut draw = Draw::new(self.seed, participant, &name.text);
             let mut own = self.trials_of(phase, &mut draw);
-            let training = draw.some_of(&own, phase.training());
+            let training = draw.some_of(&own, phase.facts().training);
             own.splice(0..0, training.into_iter().map(|trial| Trial { is_training: true, ..trial }));
             trials.extend(own.into_iter().map(|trial| Trial { phase: number, ..trial }));
         }
@@ -136,168 +128,14 @@ impl Study {
 
     /// The trials of a phase, without training.
     fn trials_of(&self, phase: &Phase, draw: &mut Draw) -> Vec<Trial> {
-        let one = |first: Stimulus| Trial { first: Some(first), ..Trial::default() };
-        match phase {
-            Phase::Questions(phase) => {
-                let of = |question| Trial { question: Some(question), ..Trial::default() };
-                (0..phase.questions.0.len()).map(of).collect()
+        let (facts, cells) = (phase.facts(), self.cells(phase).collect::<Vec<_>>());
+        match facts.order {
+            Some(order) => draw.repeated(facts.repeats, &cells, order),
+            None => {
+                let blocks = (0..facts.repeats).flat_map(|_| draw.shuffled(cells.clone())).collect();
+                let trials = draw.with_sides(blocks);
+                if facts.has_x() { draw.with_x(trials, &cells) } else { trials }
             }
-            Phase::Practice(practice) if practice.stimuli.is_empty() => vec![Trial::default()],
-            Phase::Practice(practice) => {
-                self.stimuli(&practice.stimuli, &practice.surfaces).into_iter().map(one).collect()
-            }
-            Phase::Explore(explore) => {
-                let trials = self.stimuli(&explore.stimuli, &explore.surfaces).into_iter().map(one);
-                draw.repeated(1, &trials.collect::<Vec<_>>(), &explore.order)
-            }
-            Phase::Rate(rate) => {
-                let scales = Self::some(&rate.scales, &self.scales);
-                let stimuli = self.stimuli(&rate.stimuli, &rate.surfaces);
-                let cells = scales.iter().flat_map(|scale| {
-                    stimuli.iter().map(|stimulus| Trial { scale: Some(*scale), ..one(*stimulus) })
-                });
-                let cells: Vec<Trial> = cells.collect();
-                draw.repeated(rate.repeats, &cells, &rate.order)
-            }
-            Phase::Compare(compare) => {
-                let cells = self.compared(compare);
-                draw.repeated(compare.repeats, &cells, &compare.order)
-            }
-            Phase::TwoAlternative(of) => {
-                let pairs = self.alternatives(of);
-                let blocks = (0..of.repeats).flat_map(|_| draw.shuffled(pairs.clone())).collect();
-                draw.with_sides_in_order(blocks)
-            }
-            Phase::Break(_) => vec![Trial::default()],
-            Phase::Record(record) => {
-                let cells = self.stimuli(&[Presented::Real], &record.surfaces).into_iter().map(one);
-                draw.repeated(record.takes, &cells.collect::<Vec<_>>(), &record.order)
-            }
-            Phase::Pairs(pairs) => draw.with_sides(self.paired(pairs)),
-            Phase::ConstantStimuli(phase) => {
-                let stimulus = self.virtual_one(&phase.surface);
-                let levels = phase.levels.iter().map(|level| Trial {
-                    first: stimulus,
-                    second: stimulus,
-                    level: Some(*level),
-                    ..Trial::default()
-                });
-                let levels: Vec<Trial> = levels.collect();
-                let blocks = (0..phase.repeats).flat_map(|_| draw.shuffled(levels.clone())).collect();
-                draw.with_sides_in_order(blocks)
-            }
-            Phase::Staircase(phase) => {
-                let stimulus = self.virtual_one(&phase.surface);
-                let trial = Trial { first: stimulus, second: stimulus, ..Trial::default() };
-                draw.with_sides_in_order(vec![trial; phase.at_most as usize])
-            }
-        }
-    }
-
-    /// Each version beside its real surface.
-    pub(crate) fn compared(&self, compare: &Compare) -> Vec<Trial> {
-        let presented = [ALL_VERSIONS];
-        let versions = self.some_versions(&compare.versions);
-        let stimuli = self.stimuli(&presented, &compare.surfaces).into_iter().filter(|stimulus| {
-            let is_real = self.surfaces.0[stimulus.surface].1.sample.is_some();
-            is_real && stimulus.version.is_some_and(|version| versions.contains(&version))
-        });
-        let scale = self.scales.find(&compare.scale.text);
-        let trial = |stimulus| {
-            let real = Stimulus { version: None, ..stimulus };
-            Trial { scale, first: Some(real), second: Some(stimulus), ..Trial::default() }
-        };
-        stimuli.map(trial).collect()
-    }
-
-    /// Each pair of stimuli.
-    fn paired(&self, pairs: &Pairs) -> Vec<Trial> {
-        let scale = self.scales.find(&pairs.scale.text);
-        Self::pairs_of(&self.stimuli(&pairs.stimuli, &pairs.surfaces), scale)
-    }
-
-    /// The pairs of which one is chosen, once each.
-    pub(crate) fn alternatives(&self, of: &TwoAlternative) -> Vec<Trial> {
-        let mut pairs = Self::pairs_of(&self.stimuli(&of.stimuli, &of.surfaces), None);
-        let surface = |of: Option<Stimulus>| of.map(|of| of.surface);
-        pairs.retain(|trial| of.across_surfaces || surface(trial.first) == surface(trial.second));
-        pairs
-    }
-
-    /// Every pair of some stimuli.
-    fn pairs_of(stimuli: &[Stimulus], scale: Option<usize>) -> Vec<Trial> {
-        let all = stimuli.iter().enumerate().flat_map(|(at, first)| {
-            let of = move |second: &Stimulus| Trial {
-                scale,
-                first: Some(*first),
-                second: Some(*second),
-                ..Trial::default()
-            };
-            stimuli[at + 1..].iter().map(of)
-        });
-        all.collect()
-    }
-
-    /// The first version of a virtual surface.
-    fn virtual_one(&self, surface: &Name) -> Option<Stimulus> {
-        Some(Stimulus { surface: self.surfaces.find(&surface.text)?, version: Some(0) })
-    }
-}
-
-impl Phase {
-    /// The groups that take part; all if empty.
-    pub fn groups(&self) -> &[Name] {
-        self.common().0
-    }
-
-    /// Its instruction.
-    pub fn text(&self) -> &str {
-        self.common().1
-    }
-
-    /// What every phase has: groups and instruction.
-    fn common(&self) -> (&[Name], &str) {
-        match self {
-            Self::Practice(of) => (&of.groups, &of.text),
-            Self::Explore(of) => (&of.groups, &of.text),
-            Self::Rate(of) => (&of.groups, &of.text),
-            Self::Compare(of) => (&of.groups, &of.text),
-            Self::Pairs(of) => (&of.groups, &of.text),
-            Self::TwoAlternative(of) => (&of.groups, &of.text),
-            Self::Break(of) => (&of.groups, &of.text),
-            Self::Record(of) => (&of.groups, &of.text),
-            Self::Questions(of) => (&of.groups, &of.text),
-            Self::ConstantStimuli(of) => (&of.groups, &of.text),
-            Self::Staircase(of) => (&of.groups, &of.text),
-        }
-    }
-
-    /// Name of its kind.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Practice(_) => "practice",
-            Self::Explore(_) => "free exploration",
-            Self::Rate(_) => "ratings",
-            Self::Compare(_) => "comparisons with the real surface",
-            Self::Pairs(_) => "pairs",
-            Self::TwoAlternative(_) => "choices",
-            Self::Break(_) => "break",
-            Self::Record(_) => "recordings",
-            Self::Questions(_) => "questions",
-            Self::ConstantStimuli(_) => "constant stimuli",
-            Self::Staircase(_) => "staircase",
-        }
-    }
-
-    /// Number of training trials.
-    pub fn training(&self) -> u32 {
-        match self {
-            Self::Rate(phase) => phase.training,
-            Self::Compare(phase) => phase.training,
-            Self::Pairs(phase) => phase.training,
-            Self::ConstantStimuli(phase) => phase.training,
-            Self::TwoAlternative(phase) => phase.training,
-            _ => 0,
         }
     }
 }
@@ -349,18 +187,27 @@ impl Draw {
         some
     }
 
-    /// Shuffled, the second stimulus on the left in half of the trials.
-    fn with_sides(&mut self, trials: Vec<Trial>) -> Vec<Trial> {
-        let trials = self.shuffled(trials);
-        self.with_sides_in_order(trials)
+    /// The second stimulus on the left, or before the other, in half of the trials; of an odd one by lot.
+    fn with_sides(&mut self, mut trials: Vec<Trial>) -> Vec<Trial> {
+        let sides = self.even(trials.len());
+        trials.iter_mut().zip(sides).for_each(|(trial, side)| trial.is_swapped = side);
+        trials
     }
 
-    /// The second stimulus on the left, or before the other, in half of the trials; of an odd one by lot.
-    fn with_sides_in_order(&mut self, mut trials: Vec<Trial>) -> Vec<Trial> {
+    /// As often true as false, shuffled; an odd one by lot.
+    fn even(&mut self, count: usize) -> Vec<bool> {
         let odd = self.below(2);
-        let sides = (0..trials.len()).map(|at| (at + odd) % 2 == 1).collect();
-        for (trial, side) in trials.iter_mut().zip(self.shuffled(sides)) {
-            trial.is_swapped = side;
+        self.shuffled((0..count).map(|at| (at + odd) % 2 == 1).collect())
+    }
+
+    /// X is each of a pair in half of its trials; of an odd one by lot. It is the first of a trial.
+    fn with_x(&mut self, mut trials: Vec<Trial>, pairs: &[Trial]) -> Vec<Trial> {
+        for pair in pairs {
+            let is_of_pair = |trial: &&mut Trial| (trial.first, trial.second) == (pair.first, pair.second);
+            let own: Vec<&mut Trial> = trials.iter_mut().filter(is_of_pair).collect();
+            let others = self.even(own.len());
+            let turned = own.into_iter().zip(others).filter(|(_, is_other)| *is_other);
+            turned.for_each(|(trial, _)| std::mem::swap(&mut trial.first, &mut trial.second));
         }
         trials
     }
@@ -376,11 +223,8 @@ impl Draw {
         // The squares of several levels are crossed: each takes its own digit of the number.
         let (mut digit, mut left) = (Vec::new(), self.number);
         for level in levels {
-            let rows = if level.arrange == Arrange::Latin {
-                square_rows(distinct(&trials, level.factor).len())
-            } else {
-                1
-            };
+            let values = distinct(&trials, level.factor).len();
+            let rows = if level.arrange == Arrange::Latin { square_rows(values) } else { 1 };
             digit.push(left % rows);
             left /= rows;
         }
@@ -446,7 +290,7 @@ pub(crate) fn distinct<'t>(trials: impl IntoIterator<Item = &'t Trial>, factor: 
 }
 
 /// Number of rows of a Williams square: as many participants, or a multiple, are balanced.
-pub fn square_rows(values: usize) -> usize {
+pub(crate) fn square_rows(values: usize) -> usize {
     if values < 2 { 1 } else { values * (1 + values % 2) }
 }
 

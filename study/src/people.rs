@@ -5,6 +5,7 @@ use crate::check::{Checked, StudyError, unknown_name};
 use crate::data::{Claim, Row, Status};
 use crate::document::{Phase, Question};
 use crate::order::{Stimulus, Trial};
+use crate::phase::Asks;
 use crate::progress::next;
 use crate::tally::Tally;
 use haptograph_engine::diagnostic::{Diagnostic, Diagnostics};
@@ -63,10 +64,8 @@ impl People {
         let text = files::read_text(path, MAX_GRAPH_BYTES)
             .map_err(|error| StudyError::Run(format!("cannot read {}: {error}", path.display())))?;
         let file = SettingsFile::<Self>::parse(path, &text, "a file of people").map_err(StudyError::Study)?;
-        match file.content.unknown(study) {
-            unknown if unknown.is_empty() => Ok(file.content),
-            list => Err(StudyError::Study(Diagnostics { sources: file.sources, list })),
-        }
+        let (list, sources) = (file.content.unknown(study), file.sources);
+        if list.is_empty() { Ok(file.content) } else { Err(StudyError::Study(Diagnostics { sources, list })) }
     }
 
     /// The parameters in RON.
@@ -164,12 +163,17 @@ impl<'p> Person<'p> {
             }
             Phase::Explore(_) => row.text = "simulated".to_owned(),
             Phase::Practice(_) | Phase::Record(_) | Phase::Break(_) => {}
-            Phase::TwoAlternative(_) => {
+            phase @ Phase::TwoAlternative(_) => {
                 let value =
                     |of: Option<Stimulus>| of.map_or(0.0, |of| self.people.value(study, &row.phase, of));
                 let values = [value(trial.first), value(trial.second)];
-                let [first, second] = values.map(|value| self.rating(value));
-                let chosen = if second > first { trial.second } else { trial.first };
+                let is_first = if phase.facts().has_x() {
+                    *row.is_right.insert(self.finds_x(values))
+                } else {
+                    let [first, second] = values.map(|value| self.rating(value));
+                    first >= second
+                };
+                let chosen = if is_first { trial.first } else { trial.second };
                 row.choice = chosen.map_or_else(String::new, |of| study.name(of));
             }
             Phase::Rate(_) | Phase::Compare(_) => {
@@ -189,8 +193,21 @@ impl<'p> Person<'p> {
         }
     }
 
+    /// True if X, which is the first one, seems nearer to that than to the other: the differencing observer, whose d' is the difference
+    /// of the values over the deviation of the noise.
+    fn finds_x(&mut self, [first, other]: [f64; 2]) -> bool {
+        let mut felt = |value: f64| -> f64 {
+            let noise: f64 = StandardNormal.sample(&mut self.random);
+            value + self.people.noise_sd * noise
+        };
+        let (x, first, other) = (felt(first), felt(first), felt(other));
+        let nearer = (x - other).abs() - (x - first).abs();
+        let (guess, is_lapse) = (self.uniform() < 0.5, self.uniform() < self.people.lapse);
+        if is_lapse || nearer == 0.0 { guess } else { nearer > 0.0 }
+    }
+
     fn choose(&mut self, study: &Checked, trial: &Trial, row: &mut Row) {
-        let standard = study.study.phases.0[trial.phase].1.varied().map_or(0.0, |(.., standard)| standard);
+        let standard = study.study.phases.0[trial.phase].1.facts().standard();
         let level = trial.level.unwrap_or(standard);
         let difference = (level - standard).abs() / self.people.threshold;
         if level == standard {
@@ -233,7 +250,7 @@ fn run_until_open(
     let driver = graph.drivers().first().map(|driver| graph.clocks()[*driver].rate.hz());
     let rate_hz = driver.unwrap_or(1.0);
     let step = (rate_hz / 100.0).max(1.0) as usize;
-    let least_s = if phase.gates().is_none_or(|gates| gates.0.is_empty()) { 0.5 } else { 0.0 };
+    let least_s = if phase.facts().gates.is_empty() { 0.5 } else { 0.0 };
     let mut seconds = 0.0;
     while seconds < longest_s && (seconds < least_s || !tally.is_open()) {
         player.process(step);
@@ -291,12 +308,15 @@ impl Checked {
         row
     }
 
-    /// The answers to the ratings and comparisons of a whole study, without motion, from people in each group.
-    pub(crate) fn ratings(&self, people: &People, sizes: &[usize]) -> Vec<Row> {
+    /// The answers of a whole study of which tests can be computed, without motion, from people in each group.
+    pub(crate) fn tested_answers(&self, people: &People, sizes: &[usize]) -> Vec<Row> {
         let (mut rows, mut codes) = (Vec::new(), codes(sizes.iter().sum()));
         for (group, size) in sizes.iter().enumerate() {
             for participant in codes.by_ref().take(*size) {
-                for trial in self.rated(&participant, group) {
+                let before = rows.len();
+                for trial in self.tested(&participant, group) {
+                    // The level of a staircase follows from the answers so far.
+                    let Some(trial) = next(&self.study, &[trial], &rows[before..]) else { continue };
                     let row = self.row_without_hash(&trial);
                     let row = Row { participant: participant.clone(), simulated: true, ..row };
                     rows.push(self.answered(people, &participant, (&trial, row)));
@@ -306,13 +326,15 @@ impl Checked {
         rows
     }
 
-    /// The trials of a participant that are ratings or comparisons and are analysed.
-    pub(crate) fn rated(&self, participant: &str, group: usize) -> impl Iterator<Item = Trial> {
-        let is_rated = |trial: &Trial| {
+    /// The trials of a participant that are analysed, but for maps.
+    pub(crate) fn tested(&self, participant: &str, group: usize) -> impl Iterator<Item = Trial> {
+        let is_tested = |trial: &Trial| {
             let phase = &self.study.phases.0[trial.phase].1;
-            !trial.is_training && matches!(phase, Phase::Rate(_) | Phase::Compare(_))
+            let asks = phase.facts().asks;
+            let has_test = matches!(asks, Asks::Line | Asks::Which(_) | Asks::WhichIsX(_) | Asks::More(_));
+            has_test && !trial.is_training && !matches!(phase, Phase::Pairs(_))
         };
-        self.study.trials(participant, group).into_iter().filter(is_rated)
+        self.study.trials(participant, group).into_iter().filter(is_tested)
     }
 
     fn run(
@@ -325,11 +347,14 @@ impl Checked {
         let phase = &self.study.phases.0[trial.phase].1;
         let mut all = TrialRun { seconds: 0.0, is_open: true, measures: Vec::new() };
         let Some(longest_s) = longest_s else { return Ok(all) };
-        let of = [(trial.first, phase.varied().map(|(.., standard)| standard)), (trial.second, trial.level)];
-        let of: Vec<_> = of.into_iter().filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
+        let facts = phase.facts();
+        let of = [(trial.first, facts.varied.map(|of| of.standard)), (trial.second, trial.level)];
+        let x = facts.has_x().then_some((trial.first, None));
+        let of: Vec<_> =
+            of.into_iter().chain(x).filter(|(of, _)| of.is_some_and(|of| of.version.is_some())).collect();
         for (number, (stimulus, level)) in of.iter().enumerate() {
             let graph = self.graph(registry, phase, (*stimulus, *level), seed)?;
-            let prefix = if of.len() > 1 { ["first: ", "second: "][number] } else { "" };
+            let prefix = if of.len() > 1 { ["first: ", "second: ", "X: "][number] } else { "" };
             let run = run_until_open(self, phase, &graph, (longest_s, prefix))?;
             all.measures.extend(run.measures);
             all.seconds += run.seconds;

@@ -12,7 +12,7 @@ pub struct Tally {
 }
 
 /// The frames of a port so far; of a vector its length.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Port {
     name: String,
     unit: String,
@@ -46,23 +46,13 @@ impl Port {
 impl Tally {
     /// Of a stimulus of a phase, before its first run.
     pub fn new(study: &Study, phase: &Phase) -> Self {
-        let gates = phase.gates().map_or(Vec::new(), |gates| gates.0.clone());
+        let gates = phase.facts().gates.to_vec();
         let measures: Vec<String> = study.measures.iter().map(|name| name.text.clone()).collect();
         let mut names: Vec<&String> =
             gates.iter().map(|(_, gate)| &gate.port.text).chain(&measures).collect();
         names.sort();
         names.dedup();
-        let port = |name: &String| Port {
-            name: name.clone(),
-            unit: String::new(),
-            first: None,
-            last: 0.0,
-            before: 0.0,
-            count: 0.0,
-            mean: 0.0,
-            spread: 0.0,
-            largest: 0.0,
-        };
+        let port = |name: &String| Port { name: name.clone(), ..Port::default() };
         let ports = names.into_iter().map(port).collect();
         Self { gates, measures, ports }
     }

@@ -116,6 +116,57 @@ fn a_stimulus_that_was_not_touched_is_not_felt() {
 }
 
 #[test]
+fn a_b_and_x_take_turns_and_the_answer_says_which_one_x_is() {
+    for choice in [0, 1] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron") },
+            versions: { "a": {}, "b": { "gain": 0.5 } }, measures: ["speed.speed"],
+            phases: { "x": TwoAlternative(abx: true, ask: "Which one is X?") })"#;
+        let study = load(folder.path(), text).expect("right");
+        let trial = study.study.trials("P1", 0).remove(0);
+        assert_eq!(study.study.duration_s(std::slice::from_ref(&trial)), 15.0);
+        let mut session = session(folder.path(), text);
+        let gain = |step: Step| match step {
+            Step::Present(of) => of.set.iter().any(|(name, _)| name == "gain"),
+            other => panic!("{other:?}"),
+        };
+        let mut gains = vec![gain(session.tick(20.0, (false, false)).expect("it goes on"))];
+        for place in [1, 2] {
+            let now_s = 20.0 + 10.0 * place as f64;
+            session.began(now_s - 10.0);
+            session.take("speed.speed", (1, "m/s"), &[0.1], now_s - 1.0);
+            session.tick(now_s - 1.0, (true, true)).expect("it goes on");
+            assert_eq!(session.participant_view(now_s)["open"], false, "X was not felt");
+            gains.push(gain(session.hear(Said::Feel { place }, now_s).expect("possible")));
+        }
+        // X is what stands at A or at B.
+        let x_at = usize::from(trial.is_swapped);
+        assert_eq!((gains[0] == gains[1], gains[2]), (false, gains[x_at]));
+        assert_eq!(session.hear(Said::Feel { place: 3 }, 41.0), Ok(Step::None), "there are three");
+        session.began(41.0);
+        session.take("speed.speed", (1, "m/s"), &[0.3], 49.0);
+        session.tick(50.0, (true, true)).expect("it goes on");
+        let view = session.participant_view(50.0);
+        assert_eq!(
+            (&view["open"], view["turns"]["felt"].to_string().as_str()),
+            (&true.into(), "[true,true,true]")
+        );
+        let beyond = Said::Answer(Answer { trial: 1, choice: Some(2), ..Answer::default() });
+        assert!(session.hear(beyond, 50.0).is_err(), "X is A or B");
+        session
+            .hear(Said::Answer(Answer { trial: 1, choice: Some(choice), ..Answer::default() }), 51.0)
+            .expect("kept");
+        let row = rows(folder.path()).remove(0);
+        assert_eq!(row.is_right, Some(choice == x_at));
+        assert_eq!(row.is_right, Some(row.choice == format!("{}, {}", row.first_surface, row.first_version)));
+        let measures =
+            Folder::existing(&folder.path().join("data")).expect("a folder").measures().expect("measures");
+        let x = measures.iter().find(|of| of.name == "X: speed.speed mean").expect("of X");
+        assert_eq!(x.value, 0.3);
+    }
+}
+
+#[test]
 fn limits_that_differ_between_versions_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let graph = r#"Graph(format: 1, parameters: { "most": 0.2, "rms": 0.1 }, clocks: { "c": Driver(rate_hz: 1000) }, nodes: {

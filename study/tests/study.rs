@@ -540,8 +540,8 @@ fn the_end_of_a_scale_at_which_two_are_the_same_changes_no_result() {
         from.relations[0].value,
         to.relations[0].value
     );
-    assert_eq!(from.merges.len(), 4, "a tree of five");
-    assert!(from.scree.iter().zip(&to.scree).all(|(a, b)| near(a.stress, b.stress)));
+    assert_eq!(from.maps.merges.len(), 4, "a tree of five");
+    assert!(from.maps.scree.iter().zip(&to.maps.scree).all(|(a, b)| near(a.stress, b.stress)));
 }
 
 #[test]
@@ -641,7 +641,8 @@ fn numbers(text: &str) -> Table {
     for line in reader.records() {
         let line = line.expect("a line");
         let cells = || names.iter().zip(line.iter()).filter(|(name, _)| *name != "simulated");
-        let words = ["phase", "test", "of", "term", "surface", "from", "to", "kind", "with"];
+        let words =
+            ["phase", "test", "of", "term", "surface", "from", "to", "kind", "with", "pair", "participant"];
         // A correlation is that of its scales in any order.
         let mut key: Vec<&str> =
             cells().filter(|(name, _)| words.contains(name)).map(|(_, cell)| cell).collect();
@@ -668,7 +669,7 @@ fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
     assert_eq!(out.contains("# map of "), out.contains("\n# 3 "), "{out}");
     let own: BTreeMap<_, _> = analysis.tables().expect("tables").into_iter().collect();
     let mut count = 0;
-    for name in ["variance", "comparisons", "relations"] {
+    for name in ["variance", "comparisons", "relations", "abx"] {
         let Some((_, text)) = out.split_once(&format!("# {name}\n")) else {
             assert!(!own.contains_key(&*format!("{name}.csv")), "{name}: {out}");
             continue;
@@ -685,7 +686,7 @@ fn compare_with_r(data: &Folder, locale: &str) -> Option<usize> {
                 );
                 count += 1;
             }
-            for column in ["f", "p", "difference", "value"] {
+            for column in ["f", "p", "difference", "value", "d_prime", "d_prime_high", "p_of_people"] {
                 assert_eq!(
                     own[key].contains_key(column),
                     line.contains_key(column),
@@ -740,6 +741,11 @@ fn r_finds_the_same_statistics() {
         all_of(&shipped("components.ron"), effect, false),
         all_of(&shipped("real-and-virtual.ron"), pairs, false),
         all_of(&odd, "People(format: 1)", true),
+        all_of(
+            &abx(folder.path(), 6),
+            r#"People(format: 1, values: { "x": { "b": 0.2 } }, noise_sd: 0.1)"#,
+            false,
+        ),
     ];
     match found.concat().into_iter().collect::<Option<Vec<usize>>>() {
         Some(counts) => assert!(counts.iter().all(|count| *count > 80), "{counts:?}"),
@@ -819,7 +825,10 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
         let table = folder.path().join("trials.csv");
         let text = fs::read_to_string(&table).expect("trials");
         fs::write(&table, text.replace(&format!(",{surface},"), ",abs-plastic,")).expect("written");
-        let analysis = Analysis::of(&study.study, &data).expect("analysed");
+        let mut analysis = Analysis::of(&study.study, &data).expect("analysed");
+        if name == "components.ron" {
+            analysis.add_components(Some(&study), &data).expect("added");
+        }
         let rows = analysis.beside_thesis(&study.study).expect("a study of the thesis");
         assert!(rows.iter().all(|row| !row.own.is_null() && !row.thesis.is_null()), "{rows:?}");
         rows
@@ -832,8 +841,10 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
             .to_string()
     };
     let rows = beside("real-and-virtual.ron", "none");
-    // F and p of two factors on four scales, four coefficients, two R2; nothing of the ratings that the thesis discards.
-    assert_eq!(rows.len(), 4 * 4 + 4 + 2);
+    // F and p of two factors on four scales, four coefficients, two R2, six correlations of ten stimuli, without the blank; nothing of
+    // the ratings that the thesis discards.
+    assert_eq!(rows.len(), 4 * 4 + 4 + 2 + 6);
+    assert_eq!(thesis(&rows, "roughness and fineness: r, 10 stimuli"), "-0.98");
     assert!(rows.iter().all(|row| row.phase != "adjectives after pairs"));
     assert_eq!(thesis(&rows, "roughness, surface: F"), "52.18");
     assert_eq!(thesis(&rows, "slipperiness, version: F"), "99.91");
@@ -845,7 +856,10 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
     assert_eq!(thesis(&rows, "surfaces on which S is less similar than FS, p < 0.05"), "\"0 of 15\"");
     assert_eq!(thesis(&rows, "abs-plastic, phi against FS: p"), "0.0000875");
     let rows = beside("components.ron", "plastic");
-    assert_eq!(rows.len(), 3 + 3 + 2 * 3);
+    // R2 and p of thirteen regressions, all of which the simulated surfaces have the parts for.
+    assert_eq!(rows.len(), 3 + 3 + 2 * 3 + 2 * 13);
+    assert_eq!(thesis(&rows, "hardness, real on spectral centroid of taps, Hz: p"), "7.3e-6");
+    assert_eq!(thesis(&rows, "% less, no friction on slipperiness, real: R2"), "0.4");
     assert_eq!(
         thesis(&rows, "surfaces on which no texture is less similar than all, p < 0.05"),
         "\"10 of 15\""
@@ -858,8 +872,8 @@ fn the_thesis_s_numbers_stand_beside_those_that_mean_the_same() {
             .thesis
             .to_string()
     };
-    assert_eq!(table("4.3", "slipperiness and roughness: r"), "-0.91");
-    assert_eq!(table("4.4", "slipperiness and hardness: r"), "\"0.21 or 0.24\"");
+    assert_eq!(table("4.3", "slipperiness and roughness: r, 6 stimuli"), "-0.91");
+    assert_eq!(table("4.4", "slipperiness and hardness: r, 6 stimuli"), "\"0.21 or 0.24\"");
     let folder = tempfile::tempdir().expect("a folder");
     let study = shipped("first.ron");
     let data = opened(folder.path(), &study, &People::indifferent()).expect("a folder");
@@ -909,4 +923,161 @@ fn one_of_two_is_chosen_by_its_value_and_a_break_asks_nothing() {
     assert!(real.share_of_first < 0.1 && real.people_for_first == 0 && real.p_of_people < 1e-3, "{real:?}");
     assert_eq!((rougher.answers, rougher.p_of_answers), (12, rougher.p_of_people));
     assert!(rougher.p_of_people > 1e-3, "nobody prefers either: {rougher:?}");
+}
+
+/// A study of ABX on two versions of two surfaces.
+fn abx(folder: &Path, repeats: u32) -> Checked {
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 5,
+        surfaces: { "tile": (file: "GRAPHS/surfaces/t3-tile.ron"), "vinyl": (file: "GRAPHS/surfaces/t5-vinyl.ron") },
+        versions: { "a": {}, "b": { "gain": 0.5 } },
+        phases: { "x": TwoAlternative(abx: true, ask: "Which one is X?", repeats: REPEATS, training: 1) })"#;
+    written(folder, &text.replace("REPEATS", &repeats.to_string())).expect("valid")
+}
+
+#[test]
+fn x_is_each_of_a_pair_as_often_and_a_as_often_as_b() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = abx(folder.path(), 4);
+    study.check_graph(&registry()).expect("on its graph");
+    let (mut first, mut at_a) = (BTreeMap::new(), BTreeMap::new());
+    for person in 0..1_000 {
+        let trials = study.study.trials(&format!("P{person}"), 0);
+        let own: Vec<_> = trials.iter().filter(|trial| !trial.is_training).collect();
+        assert_eq!((trials.len(), own.len()), (1 + 8, 8));
+        for surface in [0, 1] {
+            let of = own.iter().filter(|trial| trial.first.expect("X").surface == surface);
+            let versions: Vec<_> =
+                of.map(|trial| trial.first.expect("X").version.expect("virtual")).collect();
+            assert_eq!((versions.len(), versions.iter().sum::<usize>()), (4, 2), "X is each version twice");
+        }
+        assert_eq!(own.iter().filter(|trial| trial.is_swapped).count(), 4, "X is A in half of the trials");
+        *first.entry(own[0].first.expect("X").version).or_insert(0) += 1;
+        *at_a.entry((own[0].is_swapped, own[7].is_swapped)).or_insert(0) += 1;
+    }
+    assert_eq!((first.len(), at_a.len()), (2, 4));
+    assert!(unevenness(&first) < 7.0, "{first:?}");
+    // Of an odd number one is drawn by lot.
+    let odd = abx(folder.path(), 1);
+    let first = (0..400)
+        .map(|person| odd.study.trials(&format!("P{person}"), 0)[1].first.expect("X").version == Some(0));
+    assert!((150..250).contains(&first.filter(|is_first| *is_first).count()));
+    // What X is can be seen of a real sample.
+    let text = fs::read_to_string(folder.path().join("study.ron")).expect("written");
+    assert_eq!(
+        codes(
+            written(folder.path(), &text.replace("abx: true", "abx: true, stimuli: [Real, Virtual]"))
+                .unwrap_err()
+        ),
+        ["E0304"]
+    );
+}
+
+#[test]
+fn observers_of_abx_give_their_d_prime_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let study = abx(folder.path(), 30);
+    // Two units of noise apart on vinyl, and not on tile; bias and gain do not matter.
+    let people = people(
+        folder.path(),
+        &study,
+        r#"People(format: 1, bias_sd: 5.0, gain_sd: 1.0, noise_sd: 0.1, values: { "x": { "vinyl, b": 0.2 } })"#,
+    );
+    let data = opened(&folder.path().join("data"), &study, &people).expect("a folder");
+    for code in people_codes(8) {
+        let mut claim = data.claim(&code, "all", true).expect("free");
+        study.simulate(&registry(), (&mut claim, 0), &people, None, usize::MAX).expect("it runs");
+    }
+    let rows = data.answers().expect("answers");
+    assert!(rows.iter().all(
+        |row| row.is_right == Some(row.choice == format!("{}, {}", row.first_surface, row.first_version))
+    ));
+    let analysis = Analysis::of(&study.study, &data).expect("analysed");
+    assert_eq!(analysis.abx.len(), 2 * (8 + 1), "each person and all, for each pair; no training");
+    let all: Vec<_> = analysis.abx.iter().filter(|row| row.participant.is_empty()).collect();
+    let [tile, vinyl] = &all[..] else { panic!("{all:?}") };
+    assert_eq!((&*tile.pair, tile.answers), ("tile, a / tile, b", 240));
+    assert!(tile.low < 0.5 && tile.high > 0.5 && tile.p > 0.05, "{tile:?}");
+    let (low, high) = (vinyl.d_prime_low.expect("an end"), vinyl.d_prime_high.expect("an end"));
+    assert!(low < 2.0 && 2.0 < high && high - low < 1.0, "{vinyl:?}");
+    // All eight are right more often than not: 2 / 2^8.
+    assert!(
+        (vinyl.p_of_people.expect("of people") - 2.0 / 256.0).abs() < 1e-12 && vinyl.p < 1e-9,
+        "{vinyl:?}"
+    );
+    // The power of the test of all answers, of two people in a pair of six: R 4.2.2, binom.test over all outcomes of 12 answers.
+    let few = abx(folder.path(), 6);
+    let stop = AtomicBool::new(false);
+    let effects = few.power(&people, (&[vec![2]], 1_000), &|_| (), &stop).expect("simulated");
+    let of = |pair: &str| {
+        let is_it = |row: &&EffectPower| row.of == pair && row.test == "sign test of answers";
+        effects.iter().find(is_it).expect("an effect").shares[0]
+    };
+    for (pair, power) in [("vinyl, a / vinyl, b", 0.380_932_0), ("tile, a / tile, b", 0.038_574_2)] {
+        let share = of(pair);
+        assert!(share.low < power && power < share.high, "{pair}: {share:?}, {power}");
+    }
+}
+
+#[test]
+fn a_threshold_is_found_more_often_by_more_people() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = r#"Study(format: 1, graph: "GRAPHS/texturepad.ron", seed: 3, surfaces: { "a": (file: "GRAPHS/surfaces/t3-tile.ron") },
+        phases: {
+            "fixed": ConstantStimuli(ask: "?", surface: "a", parameter: "gain", standard: 0.4, levels: [0.45, 0.5, 0.6, 0.8], repeats: 10),
+            "stairs": Staircase(ask: "?", surface: "a", parameter: "gain", standard: 0.4, limits: (0.4, 1.0),
+                method: UpDown(start: 0.7, steps: [0.1, 0.05], reversals: 20), at_most: 60),
+        })"#;
+    let study = written(folder.path(), text).expect("valid");
+    let people = people(folder.path(), &study, "People(format: 1, threshold: 0.1)");
+    let stop = AtomicBool::new(false);
+    let found = study.power(&people, (&[vec![1], vec![24]], 60), &|_| (), &stop).expect("simulated");
+    let names: Vec<(&str, &str, &str)> = found.iter().map(|of| (&*of.phase, &*of.of, &*of.term)).collect();
+    let of = |phase| [(phase, "threshold", "within 10 %"), (phase, "threshold", "within 25 %")];
+    assert_eq!(names, [of("fixed"), of("stairs")].concat());
+    for two in found.chunks(2) {
+        let [near, wide] = [0, 1].map(|at| (two[at].shares[0].share, two[at].shares[1].share));
+        assert!(near.0 < near.1 && near.1 < wide.1 && wide.1 > wide.0 + 0.25 && wide.1 > 0.8, "{two:?}");
+    }
+}
+
+#[test]
+fn a_surface_without_friction_is_left_out_of_its_regression_and_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut study = shipped("components.ron");
+    let tile = study.study.surfaces.find("tile").expect("a surface");
+    let file = study.study.surfaces.0[tile].1.file.clone().expect("a file");
+    let text = fs::read_to_string(file).expect("a surface");
+    let text: String = text
+        .lines()
+        .filter(|line| !line.starts_with("    friction: "))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let bare = folder.path().join("bare.ron");
+    fs::write(&bare, text).expect("written");
+    study.study.surfaces.0[tile].1.file = Some(bare);
+    let data = opened(&folder.path().join("data"), &study, &People::indifferent()).expect("a folder");
+    for code in people_codes(3) {
+        let mut claim = data.claim(&code, "1", true).expect("free");
+        study
+            .simulate(&registry(), (&mut claim, 0), &People::indifferent(), None, usize::MAX)
+            .expect("it runs");
+    }
+    let mut analysis = Analysis::of(&study.study, &data).expect("analysed");
+    analysis.add_components(Some(&study), &data).expect("added");
+    let count = |of: &str, with: &str| {
+        let row = analysis.relations.iter().find(|row| row.of == of && row.with == with);
+        row.unwrap_or_else(|| panic!("{:?}", analysis.left_out)).count
+    };
+    assert_eq!(count("slipperiness, real", "friction coefficient"), 5);
+    assert_eq!(count("hardness, real", "tap response, N s/m"), 6);
+    assert!(
+        analysis.left_out.iter().any(|why| why.contains("friction") && why.contains("tile")),
+        "{:?}",
+        analysis.left_out
+    );
+    // Without the study's own file nothing is measured, which is said.
+    let mut alone = Analysis::of(&study.study, &data).expect("analysed");
+    alone.add_components(None, &data).expect("added");
+    assert!(alone.relations.iter().all(|row| row.with != "friction coefficient"));
+    assert!(alone.left_out.iter().any(|why| why.contains("--study")));
 }

@@ -32,10 +32,8 @@ pub(super) fn page(study: &Study, analysis: &Analysis, beside: &[BesideRow]) -> 
 
 fn section(study: &Study, (name, phase): (&str, &Phase), analysis: &Analysis) -> Section {
     let means: Vec<&MeanRow> = analysis.means.iter().filter(|row| row.phase == name).collect();
-    let mut plots: Vec<Plot> = match phase {
-        Phase::Compare(of) => ratings(study, &means, Some(study.reference(of)), analysis),
-        _ => ratings(study, &means, None, analysis),
-    };
+    let reference = if let Phase::Compare(of) = phase { Some(study.reference(of)) } else { None };
+    let mut plots: Vec<Plot> = ratings(study, &means, reference, analysis);
     plots.extend(space(name, analysis));
     plots.extend(thresholds(name, analysis));
     Section { title: name.to_owned(), plots, ..Section::default() }
@@ -66,7 +64,7 @@ fn ratings(study: &Study, means: &[&MeanRow], reference: Option<&str>, analysis:
 
 /// Scree, maps and tree of a phase of pairs.
 fn space(phase: &str, analysis: &Analysis) -> Vec<Plot> {
-    let places: Vec<_> = analysis.places.iter().filter(|row| row.phase == phase).collect();
+    let places: Vec<_> = analysis.maps.places.iter().filter(|row| row.phase == phase).collect();
     if places.is_empty() {
         return Vec::new();
     }
@@ -78,8 +76,8 @@ fn space(phase: &str, analysis: &Analysis) -> Vec<Plot> {
         })
         .collect();
     let stress: Vec<f64> =
-        analysis.scree.iter().filter(|row| row.phase == phase).map(|row| row.stress).collect();
-    let merges = analysis.merges.iter().filter(|row| row.phase == phase);
+        analysis.maps.scree.iter().filter(|row| row.phase == phase).map(|row| row.stress).collect();
+    let merges = analysis.maps.merges.iter().filter(|row| row.phase == phase);
     let merges: Vec<Merge> =
         merges.map(|row| Merge { groups: (row.first, row.second), distance: row.distance }).collect();
     let on = |axis: usize| places.iter().map(move |row| [Some(row.x), row.y, row.z][axis].unwrap_or(0.0));

@@ -20,7 +20,8 @@ use std::sync::atomic::Ordering;
 /// people of known parameters. A repeated run goes on where it ended.
 ///
 /// With --repeat, or with several numbers of people, whole studies are simulated in memory instead, without motion, and the power of
-/// each test is printed: the share of studies in which it has p < 0.05, with its 95 % interval.
+/// each test is printed: the share of studies in which it has p < 0.05, with its 95 % interval; of thresholds the share in which that of
+/// all people together is near theirs.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -181,7 +182,7 @@ fn power(
 impl CommandResult for Power {
     fn text(&self) -> String {
         let of_people = self.people.iter().map(|people| format!("{people} people"));
-        let header = ["phase", "scale or surface", "test", "term"].map(str::to_owned).into_iter();
+        let header = ["phase", "scale, surface or pair", "test", "term"].map(str::to_owned).into_iter();
         let header: Vec<String> = header.chain(of_people).collect();
         let row = |effect: &EffectPower| {
             let names = [&effect.phase, &effect.of, &effect.test, &effect.term].map(Clone::clone);
@@ -191,7 +192,7 @@ impl CommandResult for Power {
         };
         let rows: Vec<Vec<String>> = self.effects.iter().map(row).collect();
         let header: Vec<&str> = header.iter().map(String::as_str).collect();
-        let note = "simulated studies with p < 0.05, with 95 % intervals; repeated measures by Greenhouse and Geisser";
+        let note = "simulated studies with p < 0.05, or a threshold so near, with 95 % intervals; repeated measures by Greenhouse and Geisser";
         format!("share of {} {note}\n{}", self.repeat, table(&header, &rows))
     }
 }

@@ -1,5 +1,5 @@
 # The tables of an analysis once more, by base R: Rscript analysis.R. Written by haptograph study analyse.
-# It reads ../trials.csv and ../participants.csv, and prints three tables: variance, comparisons, relations.
+# It reads ../trials.csv and ../participants.csv, and prints tables: variance, comparisons, relations, abx.
 PHASES
 options(contrasts = c("contr.treatment", "contr.poly"))
 here <- gsub("~+~", " ", sub("^--file=", "", grep("^--file=", commandArgs(FALSE), value = TRUE)), fixed = TRUE)
@@ -21,6 +21,7 @@ trials <- trials[!duplicated(trials[c("participant", "trial")], fromLast = TRUE)
 trials <- trials[!trials$participant %in% people$participant[people$withdrawn_utc != ""], ]
 trials <- trials[trials$status != "skipped" & tolower(trials$training) == "false", ]
 trials$rating <- as.numeric(trials$rating)
+chosen <- trials[trials$choice != "", ]
 trials <- trials[!is.na(trials$rating), ]
 
 in_order <- function(names) sort(unique(names), method = "radix")
@@ -32,7 +33,7 @@ over_deviation <- function(table) {
 }
 complete <- function(table) table[stats::complete.cases(table), , drop = FALSE]
 attempt <- function(expression) tryCatch(suppressWarnings(expression), error = function(e) NULL)
-found <- list(variance = NULL, comparisons = NULL, relations = NULL)
+found <- list(variance = NULL, comparisons = NULL, relations = NULL, abx = NULL)
 add <- function(table, ...) found[[table]] <<- rbind(found[[table]], data.frame(..., stringsAsFactors = FALSE))
 add_term <- function(phase, test, of, name, table, row, corrected = NA) {
     if (is.null(table)) return()
@@ -157,11 +158,38 @@ pairs_of <- function(phase, rows, same_is_from, means) {
         cat("# merge ", step, ": ", name(tree$merge[step, 1]), " + ", name(tree$merge[step, 2]), " at ", format(tree$height[step]), "\n", sep = "")
 }
 
-if (any(tolower(trials$simulated) == "true")) cat("# simulated people\n")
+# d' of the differencing model (Macmillan and Creelman 2005): none below a share of a half and at 1.
+d_prime <- function(share) {
+    if (share < 0.5 || share >= 1) return(NA)
+    of <- function(d) pnorm(d / sqrt(2)) * pnorm(d / sqrt(6)) + pnorm(-d / sqrt(2)) * pnorm(-d / sqrt(6)) - share
+    uniroot(of, c(0, 20), tol = 1e-12)$root
+}
+# Two-sided and exact; without answers nothing is found.
+exact <- function(count, all) if (all == 0) 1 else binom.test(count, all)$p.value
+abx <- function(phase, rows) {
+    names <- cbind(paste(rows$first_surface, rows$first_version, sep = ", "), paste(rows$second_surface, rows$second_version, sep = ", "))
+    # What X was is the first one.
+    is_right <- rows$choice == names[, 1]
+    pair <- apply(names, 1, function(two) paste(in_order(two), collapse = " / "))
+    for (one in in_order(pair)) {
+        own <- pair == one
+        balance <- tapply(ifelse(is_right[own], 1, -1), rows$participant[own], sum)
+        for (code in c(in_order(rows$participant[own]), "")) {
+            of <- is_right[own & (code == "" | rows$participant == code)]
+            ends <- suppressWarnings(prop.test(sum(of), length(of), correct = FALSE)$conf.int)
+            add("abx", phase = phase, pair = one, participant = code, answers = length(of), share_right = mean(of), low = ends[1], high = ends[2],
+                p = exact(sum(of), length(of)), d_prime = d_prime(mean(of)), d_prime_low = d_prime(max(ends[1], 0.5)), d_prime_high = d_prime(ends[2]),
+                p_of_people = if (code == "") exact(sum(balance > 0), sum(balance != 0)) else NA)
+        }
+    }
+}
+
+if (any(tolower(c(trials$simulated, chosen$simulated)) == "true")) cat("# simulated people\n")
 means <- list()
 for (phase in phases) if (phase$kind == "rate") means[[phase$name]] <- rate(phase$name, trials[trials$phase == phase$name, ])
 for (phase in phases) {
     rows <- trials[trials$phase == phase$name, ]
+    if (phase$kind == "abx" && any(chosen$phase == phase$name)) abx(phase$name, chosen[chosen$phase == phase$name, ])
     if (nrow(rows) > 0 && phase$kind == "compare") compare(phase$name, rows)
     if (nrow(rows) > 0 && phase$kind == "pairs") pairs_of(phase$name, rows, phase$same_is_from, if (nzchar(phase$ratings)) means[[phase$ratings]])
 }

@@ -1,7 +1,8 @@
 //! The thesis's printed numbers beside one's own, where both mean the same.
 
-use super::{Analysis, ComparisonRow, RAW, SIGNIFICANT, THESIS, rated, responsiveness};
+use super::{Analysis, ComparisonRow, RAW, SIGNIFICANT, THESIS, components, rated, responsiveness};
 use crate::document::{Phase, Study};
+use crate::statistics::regression::pearson;
 use crate::thesis::{is_same_name, published};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -52,7 +53,16 @@ impl Analysis {
                 let versions =
                     [("no friction", of("friction")), ("no taps", of("taps")), ("no texture", of("texture"))];
                 beside.versions(study, ("all", RAW, "4.6.3"), &versions);
-                beside.correlations();
+                for (name, _) in study.phases.0.iter().filter(|(_, phase)| matches!(phase, Phase::Rate(_))) {
+                    let rated = self.means.iter().filter(|row| row.phase == name.text);
+                    let mut versions = rated.map(|row| &*row.version);
+                    match versions.next().filter(|first| versions.all(|of| of == *first)) {
+                        Some("real") => beside.correlations(&name.text, "Table 4.3"),
+                        Some("all") => beside.correlations(&name.text, "Table 4.4"),
+                        _ => {}
+                    }
+                }
+                beside.regressions();
             }
             _ => return Err(RepeatsNone),
         }
@@ -101,15 +111,12 @@ impl Beside<'_> {
             r_squared = Some((&row.phase, row.r_squared));
         }
         if let Some((phase, own)) = r_squared {
-            self.add(
-                (phase, "Eq. 3.3.1"),
-                "dissimilarity on all differences: R2".into(),
-                json!(own),
-                &regression["r2"],
-            );
+            let what = "dissimilarity on all differences: R2".to_owned();
+            self.add((phase, "Eq. 3.3.1"), what, json!(own), &regression["r2"]);
         }
+        self.correlations(rated(study), "Table 3.2");
         let dimensions = numbers["mds"]["map_dimensions"].as_u64().unwrap_or_default() as usize;
-        for row in analysis.scree.iter().filter(|row| row.dimensions == dimensions) {
+        for row in analysis.maps.scree.iter().filter(|row| row.dimensions == dimensions) {
             let what = format!("map in {dimensions} dimensions: R2");
             self.add((&row.phase, "3.3.3"), what, json!(row.r_squared), &numbers["mds"]["r2_at_least"]);
         }
@@ -128,12 +135,7 @@ impl Beside<'_> {
             _ => None,
         });
         for (phase, (version, key)) in compared.flat_map(|phase| versions.iter().map(move |of| (phase, of))) {
-            let is_pair = |row: &&ComparisonRow| {
-                let pair = [&*row.from, &*row.to];
-                row.phase == phase
-                    && row.test == test
-                    && (pair == [*version, reference] || pair == [reference, *version])
-            };
+            let is_pair = |row: &&ComparisonRow| row.test == test && row.is_of(phase, [version, reference]);
             let own: Vec<&ComparisonRow> = analysis.comparisons.iter().filter(is_pair).collect();
             let is_less = |row: &&&ComparisonRow| {
                 let sign = if row.to == *version { 1.0 } else { -1.0 };
@@ -168,25 +170,37 @@ impl Beside<'_> {
         }
     }
 
-    /// Tables 4.3 and 4.4: correlations of the ratings of real and of virtual surfaces.
-    fn correlations(&mut self) {
-        let analysis = self.analysis;
-        for row in analysis.relations.iter().filter(|row| row.kind == "correlation") {
-            let rated = || analysis.means.iter().filter(|mean| mean.phase == row.phase);
-            let (number, source) = match () {
-                () if rated().all(|mean| mean.version == "real") => ("4.3", "Table 4.3"),
-                () if rated().all(|mean| mean.version == "all") => ("4.4", "Table 4.4"),
-                () => continue,
-            };
-            let table = &published()["tables"][number];
-            let at = |scale: &String| table["labels"].as_array()?.iter().position(|label| label == scale);
-            let Some((a, b)) = at(&row.of).zip(at(&row.with)) else { continue };
-            let (a, b) = (a.min(b), a.max(b));
+    /// The regressions of 4.6.3.
+    fn regressions(&mut self) {
+        for row in self.analysis.relations.iter().filter(|row| row.kind == components::KIND) {
+            let is_it = |[of, with, _]: &[&str; 3]| [*of, *with] == [&*row.of, &*row.with];
+            let place = components::regressions().find(is_it).map_or("", |[.., place]| place);
+            let Some(printed) = self.numbers["regressions"].pointer(place) else { continue };
+            for (what, own) in [("r2", row.r_squared.unwrap_or(f64::NAN)), ("p", row.p)] {
+                let name = format!("{} on {}: {}", row.of, row.with, what.replace('r', "R"));
+                self.add((&row.phase, "4.6.3"), name, json!(own), &printed[what]);
+            }
+        }
+    }
+
+    /// A table of correlations beside those of the mean ratings of a phase, over the surfaces that have every version.
+    fn correlations(&mut self, phase: &str, source: &'static str) {
+        let (table, analysis) = (&published()["tables"][&source["Table ".len()..]], self.analysis);
+        let labels: Vec<&str> =
+            table["labels"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let column = |scale: &str| -> Vec<f64> {
+            let rows = || analysis.means.iter().filter(|row| row.phase == phase && row.scale == scale);
+            let versions = |surface: &str| rows().filter(|row| row.surface == surface).count();
+            let most = rows().map(|row| versions(&row.surface)).max();
+            rows().filter(|row| Some(versions(&row.surface)) == most).map(|row| row.mean_over_sd).collect()
+        };
+        for (b, a) in (0..labels.len()).flat_map(|b| (0..b).map(move |a| (b, a))) {
+            let Ok(own) = pearson(&column(labels[a]), &column(labels[b]), 0.95) else { continue };
             let (above, below) = (&table["values"][a][b], &table["values"][b][a]);
             // Table 4.4 is not symmetric in print.
             let printed = if above == below { above.clone() } else { json!(format!("{above} or {below}")) };
-            let names = [a, b].map(|at| table["labels"][at].as_str().unwrap_or_default());
-            self.add((&row.phase, source), names.join(" and ") + ": r", json!(row.value), &printed);
+            let what = format!("{} and {}: r, {} stimuli", labels[a], labels[b], own.count);
+            self.add((phase, source), what, json!(own.r.value), &printed);
         }
     }
 }

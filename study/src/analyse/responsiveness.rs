@@ -2,13 +2,13 @@
 
 use super::{Analysis, MeanRow, RelationRow};
 use crate::check::{Checked, hash};
-use crate::data::{DataError, Folder};
+use crate::data::{DataError, Folder, Row};
 use crate::document::{Compare, Phase};
 use crate::statistics::regression::regress;
 use haptograph_engine::settings::Setting;
 use haptograph_learning::evaluate::{Condition, ConditionLoss, condition_losses};
 use haptograph_signal::files;
-use haptograph_surfaces::TextureModel;
+use haptograph_surfaces::{Surface, TextureModel};
 
 const CONDITIONS: [(&str, Condition); 4] = [
     ("ForceAndSpeed", Condition::ForceAndSpeed),
@@ -30,6 +30,14 @@ const PROPERTIES: [Property; 3] = [
     ("SD", |of| of.difference),
 ];
 
+impl Checked {
+    /// The answers of a folder that is of this study.
+    pub(super) fn answers(&self, folder: &Folder) -> Result<Vec<Row>, DataError> {
+        folder.check_text(&self.identity(None).text)?;
+        folder.answers()
+    }
+}
+
 impl Analysis {
     /// Adds Table 4.2 to the relations: in phases that compare versions of other responses (`condition`) with one that responds to force
     /// and speed, the decrease of similarity on what the signal of each surface loses. Surfaces are read from the study's own paths.
@@ -37,8 +45,7 @@ impl Analysis {
     /// # Errors
     /// If the data cannot be read, or are of another study.
     pub fn add_responsiveness(&mut self, study: &Checked, folder: &Folder) -> Result<(), DataError> {
-        folder.check_text(&study.identity(None).text)?;
-        let answers = folder.answers()?;
+        let answers = study.answers(folder)?;
         let mut is_found = false;
         for (name, phase) in &study.study.phases.0 {
             let Phase::Compare(compare) = phase else { continue };
@@ -49,13 +56,9 @@ impl Analysis {
                 continue;
             }
             is_found = true;
-            let presented = |surface: &str| {
-                let row = answers.iter().find(|row| row.phase == name.text && row.second_surface == surface);
-                row.map(|row| row.surface_sha256.clone())
-            };
-            let textures = self.textures(study, presented);
-            let textures: Vec<(&str, &TextureModel)> =
-                textures.iter().map(|(name, texture)| (&**name, texture)).collect();
+            let surfaces = self.surfaces((study, &answers));
+            let textures = surfaces.iter().filter_map(|(name, of)| Some((&**name, of.texture.as_ref()?)));
+            let textures: Vec<(&str, &TextureModel)> = textures.collect();
             let losses = condition_losses(&textures);
             for (version, condition) in versions.iter().filter(|(name, _)| name != reference) {
                 let losses: Vec<&ConditionLoss> =
@@ -70,25 +73,35 @@ impl Analysis {
         Ok(())
     }
 
-    /// The textures of the surfaces that were presented, as they were then.
-    fn textures(
-        &mut self,
-        study: &Checked,
-        presented: impl Fn(&str) -> Option<String>,
-    ) -> Vec<(String, TextureModel)> {
-        let mut textures = Vec::new();
+    /// The surfaces that were presented, as they were then.
+    pub(super) fn surfaces(&mut self, (study, answers): (&Checked, &[Row])) -> Vec<(String, Surface)> {
+        let mut surfaces = Vec::new();
         for (name, of) in &study.study.surfaces.0 {
-            let (Some(file), Some(sha256)) = (&of.file, presented(&name.text)) else { continue };
-            let what = format!("signal of {}", name.text);
+            let is_of = |row: &&Row| {
+                let names = [&row.first_surface, &row.second_surface];
+                names.contains(&&name.text) && !row.surface_sha256.is_empty()
+            };
+            let (Some(file), Some(row)) = (&of.file, answers.iter().find(is_of)) else { continue };
+            let what = format!("surface {}", name.text);
             let bytes = self.keep(&what, files::read(file, u64::MAX));
-            if bytes.is_none_or(|bytes| hash(&bytes) != sha256) {
+            if bytes.is_none_or(|bytes| hash(&bytes) != row.surface_sha256) {
                 self.left_out.push(format!("{what}: its file is not the one that was presented"));
                 continue;
             }
-            let Some(surface) = self.keep(&what, haptograph_surfaces::files::load(file)) else { continue };
-            textures.extend(surface.texture.map(|texture| (name.text.clone(), texture)));
+            let surface = self.keep(&what, haptograph_surfaces::files::load(file));
+            surfaces.extend(surface.map(|surface| (name.text.clone(), surface)));
         }
-        textures
+        surfaces
+    }
+
+    /// Adds a line through points to the relations, or says why there is none.
+    pub(super) fn line(&mut self, names: (&str, &'static str), of: (&str, &str), points: Vec<(f64, f64)>) {
+        let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
+        let what = format!("{}, {} on {}", names.0, of.0, of.1);
+        let Some(line) = self.keep(&what, regress(&[&x], &y, true)) else { return };
+        let slope = line.coefficients[0];
+        let row = RelationRow::new(names, of, slope.estimate, slope.p);
+        self.relations.push(RelationRow { count: x.len(), r_squared: Some(line.r_squared), ..row });
     }
 
     /// The decrease of similarity of a version on each property.
@@ -102,12 +115,7 @@ impl Analysis {
         let less: Vec<Option<f64>> = losses.iter().map(less).collect();
         for (property, value) in PROPERTIES {
             let points = losses.iter().zip(&less).filter_map(|(of, less)| Some((value(of)?, (*less)?)));
-            let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
-            let what = format!("{phase}, {version} on {property}");
-            let Some(line) = self.keep(&what, regress(&[&x], &y, true)) else { continue };
-            let slope = line.coefficients[0];
-            let row = RelationRow::new((phase, KIND), (version, property), slope.estimate, slope.p);
-            self.relations.push(RelationRow { count: x.len(), r_squared: Some(line.r_squared), ..row });
+            self.line((phase, KIND), (version, property), points.collect());
         }
     }
 }

@@ -6,13 +6,14 @@ use crate::document::{End, Phase, Study};
 const SCRIPT: &str = include_str!("analysis.R");
 
 impl Study {
-    /// A script for base R that repeats the analyses of variance, comparisons, correlations and regressions, from the tables in the folder
+    /// A script for base R that repeats the analyses of variance, comparisons, ABX, correlations and regressions, from the tables in the folder
     /// above its own.
     pub fn r_script(&self) -> String {
         let phases = self.phases.0.iter().filter_map(|(name, phase)| {
             let more = match phase {
                 Phase::Rate(_) => "kind = \"rate\"".to_owned(),
                 Phase::Compare(_) => "kind = \"compare\"".to_owned(),
+                Phase::TwoAlternative(of) if of.abx => "kind = \"abx\"".to_owned(),
                 Phase::Pairs(pairs) => {
                     let from = if pairs.same_is == End::From { "TRUE" } else { "FALSE" };
                     format!("kind = \"pairs\", same_is_from = {from}, ratings = {}", quoted(rated(self)))

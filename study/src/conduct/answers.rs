@@ -3,12 +3,13 @@
 use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped, attempted};
 use crate::document::{Phase, Question};
 use crate::order::Trial;
+use crate::phase::Asks;
 use std::collections::BTreeSet;
 
 impl Conductor {
     /// Keeps an answer; when this returns without an error, it is on disk.
     pub(super) fn answer(&mut self, answer: &Answer, now_s: f64) -> Stepped {
-        let Some(Seat { state: State::Felt(current), .. }) = &self.seat else { return Ok(Step::None) };
+        let Some(current) = self.felt() else { return Ok(Step::None) };
         // A second press of the button belongs to the trial that it saw.
         if answer.trial != current.trial.number {
             return Ok(Step::None);
@@ -35,14 +36,10 @@ impl Conductor {
     }
 
     pub(super) fn open_answer(&mut self, now_s: f64) -> Stepped {
-        if let Some(Seat { state: State::Felt(current), .. }) = &self.seat
-            && self.is_record(&current.trial)
-        {
+        if self.felt().is_some_and(|current| self.is_record(&current.trial)) {
             return Err("a take ends by itself; pause it, or skip the trial".to_owned());
         }
-        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
-            && current.opened_s.is_none()
-        {
+        if let Some(current) = self.felt_mut().filter(|current| current.opened_s.is_none()) {
             (current.opened_s, current.is_forced) = (Some(now_s), true);
         }
         Ok(Step::None)
@@ -118,33 +115,33 @@ impl Conductor {
             let place = answer.choice.filter(|place| *place < 2).ok_or("none of the two is chosen")?;
             Ok::<_, String>((place == 1) != trial.is_swapped)
         };
-        match &self.checked.study.phases.0[trial.phase].1 {
-            Phase::Practice(_) | Phase::Record(_) | Phase::Break(_) => {}
-            Phase::TwoAlternative(_) => {
-                let chosen = if is_second()? { trial.second } else { trial.first };
+        let facts = self.checked.study.phases.0[trial.phase].1.facts();
+        match facts.asks {
+            Asks::Nothing | Asks::Take => {}
+            Asks::Words(_) => row.text = words(false)?,
+            Asks::Line => row.rating = Some(rating(0.0, 1.0)?),
+            Asks::Which(_) | Asks::WhichIsX(_) => {
+                let is_second = is_second()?;
+                let chosen = if is_second { trial.second } else { trial.first };
                 row.choice = chosen.map_or_else(String::new, |of| self.checked.name(of));
+                row.is_right = facts.has_x().then_some(!is_second);
             }
-            Phase::Explore(_) => row.text = words(false)?,
-            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => row.rating = Some(rating(0.0, 1.0)?),
-            Phase::Questions(phase) => {
-                let question = trial.question.and_then(|at| phase.questions.0.get(at));
-                match question.map(|(_, question)| question) {
-                    Some(Question::Number(of)) => row.rating = Some(rating(of.from, of.to)?),
-                    Some(Question::Choice(of)) => {
-                        let chosen = answer.choice.and_then(|at| of.of.get(at));
-                        row.choice = chosen.ok_or("no answer is chosen")?.clone();
-                    }
-                    Some(Question::Text(of)) => row.text = words(of.optional)?,
-                    None => {}
-                }
-            }
-            phase @ (Phase::ConstantStimuli(_) | Phase::Staircase(_)) => {
+            Asks::More(_) => {
                 let is_second = is_second()?;
                 row.choice = if is_second { "comparison" } else { "standard" }.to_owned();
-                let standard = phase.varied().map_or(0.0, |(.., standard)| standard);
+                let standard = facts.standard();
                 let level = trial.level.unwrap_or(standard);
                 row.is_right = (level != standard).then_some(is_second == (level > standard));
             }
+            Asks::Question(of) => match trial.question.and_then(|at| of.0.get(at)) {
+                Some((_, Question::Number(of))) => row.rating = Some(rating(of.from, of.to)?),
+                Some((_, Question::Choice(of))) => {
+                    let chosen = answer.choice.and_then(|at| of.of.get(at));
+                    row.choice = chosen.ok_or("no answer is chosen")?.clone();
+                }
+                Some((_, Question::Text(of))) => row.text = words(of.optional)?,
+                None => {}
+            },
         }
         Ok(())
     }
@@ -158,12 +155,15 @@ fn to_ms(time_s: f64) -> f64 {
 impl Current {
     /// The numbers that are kept of it.
     fn measures(&self) -> Vec<(String, f64, String)> {
-        let names = if self.trial.is_swapped { ["second: ", "first: "] } else { ["first: ", "second: "] };
-        let has_two = self.has_turns();
+        let mut names = ["first: ", "second: ", "X: "];
+        if self.trial.is_swapped {
+            names.swap(0, 1);
+        }
+        let has_turns = self.has_turns();
         let mut all = Vec::new();
-        for (place, name) in names.iter().enumerate() {
-            let tally = self.tallies[place].as_ref().filter(|_| self.is_virtual(place) && self.felt[place]);
-            all.extend(tally.into_iter().flat_map(|tally| tally.measures(if has_two { name } else { "" })));
+        for (place, tally) in self.tallies.iter().enumerate() {
+            let tally = tally.iter().filter(|_| self.is_virtual(place) && self.felt[place]);
+            all.extend(tally.flat_map(|tally| tally.measures(if has_turns { names[place] } else { "" })));
         }
         all
     }

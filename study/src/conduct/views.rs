@@ -1,7 +1,8 @@
 //! What each page shows. The participant's never has a name, order, file or setting of a surface or version.
 
 use super::{Conductor, Current, Seat, State};
-use crate::document::{Masking, Page, Phase, Question, TEXTS};
+use crate::document::{Masking, Page, Phase, Question, texts};
+use crate::phase::Asks;
 use haptograph_engine::settings::Setting;
 use serde_json::{Map, Value, json};
 
@@ -32,7 +33,7 @@ impl Conductor {
             let own = own.and_then(|own| own.0.iter().find(|(known, _)| known.text == name));
             (name.to_owned(), json!(own.map_or(english, |(_, text)| text)))
         };
-        let mut texts: Map<String, Value> = TEXTS.into_iter().map(text).collect();
+        let mut texts: Map<String, Value> = texts().map(text).collect();
         let language = self.page().map_or("en", |page| &page.language);
         texts.insert("language".to_owned(), language.into());
         Value::Object(texts)
@@ -62,7 +63,7 @@ impl Conductor {
         let turns = current.has_turns().then(|| json!({ "now": current.place, "felt": current.felt }));
         let is_open = current.opened_s.is_some();
         json!({
-            "state": "trial", "trial": current.trial.number, "of": seat.trials.len(), "text": phase.text(),
+            "state": "trial", "trial": current.trial.number, "of": seat.trials.len(), "text": phase.facts().text,
             "input": self.input(phase, current),
             "turns": turns,
             // What is only laid out is felt beside the page.
@@ -82,15 +83,15 @@ impl Conductor {
                 |(_, of)| json!({ "kind": "line", "ask": of.ask, "from": of.from, "to": of.to }),
             )
         };
-        match phase {
-            Phase::Practice(_) | Phase::Break(_) => json!({ "kind": "none", "ask": "" }),
-            Phase::Record(_) => json!({ "kind": "record", "ask": "" }),
-            Phase::TwoAlternative(of) => json!({ "kind": "which", "ask": of.ask }),
-            Phase::Explore(of) => json!({ "kind": "words", "ask": of.ask, "optional": false }),
-            Phase::Rate(_) | Phase::Compare(_) | Phase::Pairs(_) => line(),
-            Phase::ConstantStimuli(of) => json!({ "kind": "which", "ask": of.ask }),
-            Phase::Staircase(of) => json!({ "kind": "which", "ask": of.ask }),
-            Phase::Questions(of) => match current.trial.question.and_then(|at| of.questions.0.get(at)) {
+        match phase.facts().asks {
+            Asks::Nothing => json!({ "kind": "none", "ask": "" }),
+            Asks::Take => json!({ "kind": "record", "ask": "" }),
+            Asks::Words(ask) => json!({ "kind": "words", "ask": ask, "optional": false }),
+            Asks::Line => line(),
+            Asks::Which(ask) | Asks::WhichIsX(ask) | Asks::More(ask) => {
+                json!({ "kind": "which", "ask": ask })
+            }
+            Asks::Question(of) => match current.trial.question.and_then(|at| of.0.get(at)) {
                 Some((_, Question::Number(of))) => {
                     json!({ "kind": "number", "ask": of.ask, "from": of.from, "to": of.to })
                 }
@@ -137,14 +138,15 @@ impl Conductor {
             let (name, phase) = &self.checked.study.phases.0[current.trial.phase];
             let row = self.checked.row_without_hash(&current.trial);
             json!({
-                "trial": current.trial.number, "phase": name.text, "kind": phase.kind(), "scale": row.scale,
+                "trial": current.trial.number, "phase": name.text, "kind": phase.kind(),
+                "scale": if phase.facts().has_x() { "" } else { &row.scale },
                 "training": current.trial.is_training, "conditions": self.conditions(current, now_s),
                 "open": current.opened_s.is_some(), "forced": current.is_forced, "felt_s": current.explored_s(now_s).round(),
             })
         });
         json!({
             "code": seat.code, "group": self.checked.study.group_name(seat.group), "state": state, "of": seat.trials.len(),
-            "held": seat.held.map(|(why, _)| why), "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places[0].is_some() && current.places[1].is_some()),
+            "held": seat.held.map(|(why, _)| why), "laid": seat.laid, "is_pair": current.is_some_and(|current| current.places.len() > 1),
             "trial": trial,
         })
     }
@@ -152,7 +154,7 @@ impl Conductor {
     /// The conditions of what is felt now, and the part of each that is reached; of a recording the time that is left.
     fn conditions(&self, current: &Current, now_s: f64) -> Vec<Value> {
         let part = |part: f64| (part * 50.0).floor() / 50.0;
-        if let Some(length_s) = self.checked.study.phases.0[current.trial.phase].1.length_s() {
+        if let Some(length_s) = self.checked.study.phases.0[current.trial.phase].1.facts().length_s {
             let done_s = current.explored_s(now_s).min(length_s);
             let left = format!("{:.0} s", (length_s - done_s).ceil());
             return vec![json!({ "name": left, "part": part(done_s / length_s.max(1e-9)) })];

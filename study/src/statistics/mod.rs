@@ -128,8 +128,8 @@ fn is_probability(what: &'static str, value: f64) -> Result<(), StatisticsError>
     Err(StatisticsError::OutOfRange { what, value, expected: "a number between 0 and 1" })
 }
 
-/// The rows without a missing cell, and how many have one.
-fn complete<R: AsRef<[f64]>>(rows: &[R], cells: usize) -> Result<(DMatrix<f64>, usize), StatisticsError> {
+/// The rows without a missing cell.
+fn complete<R: AsRef<[f64]>>(rows: &[R], cells: usize) -> Result<DMatrix<f64>, StatisticsError> {
     let mut kept = Vec::new();
     for row in rows.iter().map(AsRef::as_ref) {
         same_length("rows and conditions", cells, row.len())?;
@@ -140,5 +140,5 @@ fn complete<R: AsRef<[f64]>>(rows: &[R], cells: usize) -> Result<(DMatrix<f64>, 
     }
     let people = kept.len() / cells.max(1);
     at_least("people without a missing cell", people, 2)?;
-    Ok((DMatrix::from_row_slice(people, cells, &kept), rows.len() - people))
+    Ok(DMatrix::from_row_slice(people, cells, &kept))
 }

@@ -72,8 +72,6 @@ pub struct Psychometric {
     pub slope: Estimate,
     /// Lapse rate, likewise.
     pub lapse: Estimate,
-    /// Logarithm of the likelihood, with the binomial coefficients.
-    pub log_likelihood: f64,
     /// Twice the logarithm of the likelihood of the observed shares over that of the function.
     pub deviance: f64,
     /// Share of the simulated data sets that the function fits no better; NaN without these.
@@ -87,14 +85,14 @@ pub fn fit(blocks: &[Block], settings: &FitSettings) -> Result<Psychometric, Sta
     let problem = Problem::new(blocks, settings)?;
     let best = problem.maximise(blocks, problem.start(blocks));
     let (threshold, slope, lapse) = problem.parameters(best);
-    let (log_likelihood, deviance) = problem.quality(blocks, best);
+    let deviance = problem.deviance(blocks, best);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(settings.seed);
     let mut found = [const { Vec::new() }; 4];
     for _ in 0..settings.resamples {
         let simulated = problem.simulated(blocks, best, &mut random);
         let place = problem.maximise(&simulated, best);
         let (threshold, slope, lapse) = problem.parameters(place);
-        let values = [threshold, slope, lapse, problem.quality(&simulated, place).1];
+        let values = [threshold, slope, lapse, problem.deviance(&simulated, place)];
         found.iter_mut().zip(values).for_each(|(all, value)| all.push(value));
     }
     let worse = found[3].iter().filter(|&&d| d >= deviance).count();
@@ -108,7 +106,6 @@ pub fn fit(blocks: &[Block], settings: &FitSettings) -> Result<Psychometric, Sta
         threshold: estimate(0, threshold),
         slope: estimate(1, slope),
         lapse: estimate(2, lapse),
-        log_likelihood,
         deviance,
         p: worse as f64 / settings.resamples as f64,
         slope_at_bound: best[1] <= problem.slopes.0 || best[1] >= problem.slopes.1,
@@ -193,17 +190,8 @@ impl<'a> Problem<'a> {
         blocks.iter().map(block).sum()
     }
 
-    /// Logarithm of the likelihood, and deviance.
-    fn quality(&self, blocks: &[Block], place: Place) -> (f64, f64) {
-        let saturated = |b: &Block| {
-            let (n, k) = (f64::from(b.trials), f64::from(b.positive));
-            let term = |x: f64| if x > 0.0 { x * (x / n).ln() } else { 0.0 };
-            statrs::function::factorial::ln_binomial(b.trials.into(), b.positive.into())
-                + term(k)
-                + term(n - k)
-        };
-        let loss = self.loss(blocks, place).max(0.0);
-        (blocks.iter().map(saturated).sum::<f64>() - loss, 2.0 * loss)
+    fn deviance(&self, blocks: &[Block], place: Place) -> f64 {
+        2.0 * self.loss(blocks, place).max(0.0)
     }
 
     /// The best place of a grid.

@@ -34,18 +34,12 @@ fn ties(ranks: &[f64]) -> f64 {
 pub struct Friedman {
     /// People in the test.
     pub people: usize,
-    /// People left out, for a missing cell.
-    pub left_out: usize,
-    /// Mean rank of each condition.
-    pub mean_ranks: Vec<f64>,
     /// The statistic, corrected for ties.
     pub chi_squared: f64,
     /// Degrees of freedom.
     pub df: f64,
     /// p by the chi-squared distribution.
     pub p: f64,
-    /// Kendall's W: agreement of people, 0 to 1.
-    pub agreement: f64,
 }
 
 /// Compares conditions by the ranks within each person: a row a person, a column a condition. A person with a missing cell (NaN)
@@ -53,13 +47,12 @@ pub struct Friedman {
 pub fn friedman<R: AsRef<[f64]>>(rows: &[R]) -> Result<Friedman, StatisticsError> {
     let conditions = rows.first().map_or(0, |row| row.as_ref().len());
     at_least("conditions", conditions, 2)?;
-    let (table, left_out) = complete(rows, conditions)?;
+    let table = complete(rows, conditions)?;
     let (people, k) = (table.nrows() as f64, conditions as f64);
     let ranked: Vec<Vec<f64>> =
         table.row_iter().map(|row| ranks(&row.iter().copied().collect::<Vec<_>>())).collect();
     let mean_rank = |c: usize| ranked.iter().map(|row| row[c]).sum::<f64>() / people;
-    let mean_ranks: Vec<f64> = (0..conditions).map(mean_rank).collect();
-    let spread: f64 = mean_ranks.iter().map(|rank| (people * (rank - (k + 1.0) / 2.0)).powi(2)).sum();
+    let spread: f64 = (0..conditions).map(|c| (people * (mean_rank(c) - (k + 1.0) / 2.0)).powi(2)).sum();
     let tied: f64 = ranked.iter().map(|row| ties(row)).sum();
     let scale = people * k * (k + 1.0) - tied / (k - 1.0);
     if scale <= 0.0 {
@@ -67,8 +60,7 @@ pub fn friedman<R: AsRef<[f64]>>(rows: &[R]) -> Result<Friedman, StatisticsError
     }
     let (chi_squared, df) = (12.0 * spread / scale, k - 1.0);
     let p = chi_squared_survival(chi_squared, df);
-    let agreement = chi_squared / (people * df);
-    Ok(Friedman { people: table.nrows(), left_out, mean_ranks, chi_squared, df, p, agreement })
+    Ok(Friedman { people: table.nrows(), chi_squared, df, p })
 }
 
 /// Wilcoxon's (1945) signed-rank test that differences lie about zero.
@@ -151,7 +143,7 @@ pub struct RankComparison {
 pub fn wilcoxon_pairs<R: AsRef<[f64]>>(rows: &[R]) -> Result<Vec<RankComparison>, StatisticsError> {
     let conditions = rows.first().map_or(0, |row| row.as_ref().len());
     at_least("conditions", conditions, 2)?;
-    let (table, _) = complete(rows, conditions)?;
+    let table = complete(rows, conditions)?;
     let pairs = (0..conditions).flat_map(|from| (from + 1..conditions).map(move |to| (from, to)));
     let compare = |(from, to)| {
         let differences: Vec<f64> = (table.column(to) - table.column(from)).iter().copied().collect();

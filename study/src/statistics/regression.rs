@@ -32,16 +32,12 @@ pub struct Regression {
     pub coefficients: Vec<Coefficient>,
     /// Share of the variance explained: about the mean, or, without an intercept, about zero (as in R).
     pub r_squared: f64,
-    /// The same, adjusted for the number of predictors.
-    pub adjusted_r_squared: f64,
     /// F of all predictors together.
     pub f: f64,
     /// Degrees of freedom of the predictors and of the error.
     pub df: (f64, f64),
     /// P(F >= f).
     pub p: f64,
-    /// Standard deviation of the residuals.
-    pub residual_deviation: f64,
 }
 
 /// Least squares: y = intercept + sum of b x, with a slice of values for each predictor.
@@ -82,11 +78,9 @@ pub fn regress<C: AsRef<[f64]>>(
         intercept: with_intercept.then(|| coefficients.remove(0)),
         coefficients,
         r_squared,
-        adjusted_r_squared: 1.0 - (1.0 - r_squared) * (df.1 + df.0) / df.1,
         f,
         df,
         p: f_survival(f, df.0, df.1),
-        residual_deviation: variance.sqrt(),
     })
 }
 

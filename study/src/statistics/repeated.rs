@@ -25,8 +25,6 @@ pub struct WithinTerm {
 pub struct RepeatedOneWay {
     /// People in the analysis.
     pub people: usize,
-    /// People left out, for a missing cell.
-    pub left_out: usize,
     /// Mean of each condition.
     pub means: Vec<f64>,
     /// The factor.
@@ -45,8 +43,6 @@ impl RepeatedOneWay {
 pub struct RepeatedTwoWay {
     /// People in the analysis.
     pub people: usize,
-    /// People left out, for a missing cell.
-    pub left_out: usize,
     /// The first factor.
     pub a: WithinTerm,
     /// The second factor.
@@ -59,10 +55,9 @@ pub struct RepeatedTwoWay {
 pub fn one_way<R: AsRef<[f64]>>(rows: &[R]) -> Result<RepeatedOneWay, StatisticsError> {
     let conditions = rows.first().map_or(0, |row| row.as_ref().len());
     at_least("conditions", conditions, 2)?;
-    let (table, left_out) = complete(rows, conditions)?;
+    let table = complete(rows, conditions)?;
     Ok(RepeatedOneWay {
         people: table.nrows(),
-        left_out,
         means: table.row_mean().iter().copied().collect(),
         term: within(&table, &contrasts(conditions))?,
     })
@@ -77,12 +72,11 @@ pub fn two_way<R: AsRef<[f64]>>(
 ) -> Result<RepeatedTwoWay, StatisticsError> {
     at_least("levels of the first factor", levels_a, 2)?;
     at_least("levels of the second factor", levels_b, 2)?;
-    let (table, left_out) = complete(rows, levels_a.saturating_mul(levels_b))?;
+    let table = complete(rows, levels_a.saturating_mul(levels_b))?;
     let (a, b) = (contrasts(levels_a), contrasts(levels_b));
     let average = |levels: usize| DMatrix::from_element(levels, 1, (levels as f64).sqrt().recip());
     Ok(RepeatedTwoWay {
         people: table.nrows(),
-        left_out,
         a: within(&table, &a.kronecker(&average(levels_b)))?,
         b: within(&table, &average(levels_a).kronecker(&b))?,
         interaction: within(&table, &a.kronecker(&b))?,

@@ -1,5 +1,6 @@
 //! Shares with their intervals.
 
+use super::distributions::{falling_root_from_zero, normal_cdf};
 use serde::Serialize;
 
 /// The normal deviate of an interval of 95 %.
@@ -24,4 +25,17 @@ impl Share {
         let half = Z / shrink * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
         Self { found, share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
     }
+}
+
+/// The share of right answers in ABX by an observer of this d' without bias, who takes X for the one from which it differs less
+/// (Macmillan and Creelman 2005, chapter 9: the differencing model, for pairs that change from trial to trial).
+pub fn abx_share(d_prime: f64) -> f64 {
+    let (apart, near) = (normal_cdf(d_prime / 2_f64.sqrt()), normal_cdf(d_prime / 6_f64.sqrt()));
+    apart * near + (1.0 - apart) * (1.0 - near)
+}
+
+/// The d' of that observer; `None` for a share below a half, or of 1, which no d' has.
+pub fn abx_d_prime(share: f64) -> Option<f64> {
+    let is_defined = (0.5..1.0).contains(&share);
+    is_defined.then(|| falling_root_from_zero(|d_prime| share - abx_share(d_prime)))
 }

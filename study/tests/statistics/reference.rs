@@ -7,6 +7,7 @@ use haptograph_study::statistics::psychometric::{Block, FitSettings, Shape, fit}
 use haptograph_study::statistics::ranks::{friedman, holm, wilcoxon};
 use haptograph_study::statistics::regression::{correlation_matrix, pearson, regress};
 use haptograph_study::statistics::repeated::{self, WithinTerm};
+use haptograph_study::statistics::share::{abx_d_prime, abx_share};
 use haptograph_study::statistics::space::perceptual_space;
 use haptograph_study::statistics::{studentized_range, tukey};
 use std::collections::HashMap;
@@ -130,15 +131,15 @@ fn repeated_measures_are_those_of_aov_and_anova_mlm() {
     same_within(&r, "within.a", &two.a);
     same_within(&r, "within.b", &two.b);
     same_within(&r, "within.interaction", &two.interaction);
-    assert_eq!((one.people, one.left_out, two.people), (15, 0, 15));
+    assert_eq!((one.people, two.people), (15, 15));
 }
 
 #[test]
-fn people_with_a_missing_cell_are_left_out_and_counted() {
+fn people_with_a_missing_cell_are_left_out() {
     let mut rows = silk();
     rows[3][1] = f64::NAN;
     let found = repeated::one_way(&rows).unwrap();
-    assert_eq!((found.people, found.left_out), (14, 1));
+    assert_eq!(found.people, 14);
     rows.remove(3);
     assert_eq!(repeated::one_way(&rows).unwrap().term, found.term);
     let pairs = found.tukey(0.95).unwrap();
@@ -216,8 +217,7 @@ fn regression_and_correlation_are_rs() {
             r.same(&format!("{name}.p.{i}"), b.p);
             r.same(&format!("{name}.low.{i}"), b.estimate.low);
         }
-        let whole = [found.r_squared, found.adjusted_r_squared, found.f, found.p, found.residual_deviation];
-        for (i, value) in whole.into_iter().enumerate() {
+        for (i, value) in [(0, found.r_squared), (2, found.f), (3, found.p)] {
             r.same(&format!("{name}.{i}"), value);
         }
     }
@@ -279,7 +279,6 @@ fn a_logistic_function_without_lapses_is_a_logistic_regression() {
     r.within("glm.0", -found.threshold.value * found.slope.value, 1e-5);
     r.within("glm.1", found.slope.value, 1e-5);
     r.same("glm.2", found.deviance);
-    r.same("glm.3", found.log_likelihood);
 }
 
 #[test]
@@ -297,4 +296,26 @@ fn sign_tests_are_those_of_binom_test_and_their_intervals_those_of_prop_test() {
         assert!((share.low - low).abs() < 1e-6 && (share.high - high).abs() < 1e-6, "{share:?}");
     }
     assert_eq!(haptograph_study::statistics::ranks::sign_test(0, 0), 1.0);
+}
+
+#[test]
+fn d_prime_of_abx_is_that_of_the_differencing_model() {
+    // R 4.2.2: uniroot of pnorm(d / sqrt(2)) * pnorm(d / sqrt(6)) + pnorm(-d / sqrt(2)) * pnorm(-d / sqrt(6)) - share, as dprime.ABX of
+    // psyphy 0.3; its example has hits 0.75 and false alarms 0.3. To two digits Table A5.3 of Macmillan and Creelman.
+    let known = [
+        (0.55, 0.761_412_170),
+        (0.75, 2.020_039_193),
+        (0.725_561_963, 1.868_676_586),
+        (0.95, 4.072_401_973),
+        (0.99, 5.700_868_248),
+    ];
+    for (share, d_prime) in known {
+        let found = abx_d_prime(share).expect("defined");
+        assert!((found - d_prime).abs() < 3e-6, "{share}: {found}, {d_prime}");
+        assert!((abx_share(found) - share).abs() < 1e-12, "{share}");
+    }
+    assert_eq!(abx_d_prime(0.5), Some(0.0));
+    for share in [0.0, 0.499, 1.0, f64::NAN] {
+        assert_eq!(abx_d_prime(share), None, "{share}");
+    }
 }
