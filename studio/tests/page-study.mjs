@@ -32,12 +32,13 @@ const STUDY = `Study(
         "jaguar": Pairs(scale: "bogey", surfaces: ["wolfram"], stimuli: [Virtual]),
         "rook": Break(text: "Pause.", at_least_s: 1),
         "finch": TwoAlternative(ask: "Was ist echter?", surfaces: ["wolfram"]),
+        "heron": TwoAlternative(abx: true, ask: "Was ist das dritte?", surfaces: ["wolfram"]),
         "emu": ConstantStimuli(ask: "Was ist stärker?", surface: "wolfram", parameter: "gain", standard: 1.0, levels: [1.5], repeats: 1),
     },
 )`;
-const SECRETS = ["zeppelin", "zircon", "wolfram", "zulu", "quokka", "xylem", "0.8125", "bogey", "marmot", "jaguar", "emu", "yak", "vole", "lynx", "rook", "finch"];
+const SECRETS = ["zeppelin", "zircon", "wolfram", "zulu", "quokka", "xylem", "0.8125", "bogey", "marmot", "jaguar", "emu", "yak", "vole", "lynx", "rook", "finch", "heron"];
 SECRETS.push("ibex", "vinyl", ".ron", "texturepad", "1.5");
-const TRIALS = 3 + 5 + 1 + 1 + 1 + 1;
+const TRIALS = 3 + 5 + 1 + 1 + 1 + 1 + 1;
 const KILLS = Number(process.env.KILLS ?? 8);
 
 const study = (more = {}) => studioOf("study.ron", { files: { "study.ron": STUDY }, command: ["study", "run"], count: 2, ...more });
@@ -201,9 +202,9 @@ programTest("two people take part in a study, by mouse and by keys, blind, and e
     const served = await study();
     const [experimenter, participant] = await pagesOf(served);
     const seen = new Set();
-    const look = async ({ state, input }) => {
+    const look = async ({ state, input, turns }) => {
         await isBlind(participant);
-        const kind = `${state}-${input?.kind ?? ""}`;
+        const kind = [state, input?.kind, turns?.felt.length].filter(Boolean).join("-");
         if (seen.has(kind)) return;
         seen.add(kind);
         await picture(participant, `participant-${kind}`);

@@ -364,7 +364,7 @@ impl Checked {
         all
     }
 
-    /// Seed of the run of a trial: of the study, the participant and the trial alone.
+    /// Seed of the run of a trial: of the study, the participant and the trial alone. Its second and third stimulus have the next ones.
     pub fn seed_of(&self, participant: &str, trial: &Trial) -> u64 {
         stream_seed(self.study.seed, &format!("{participant}/{}", trial.number))
     }

@@ -521,7 +521,8 @@ impl Conductor {
         let attempt = attempts.filter(|row| row.trial == current.trial.number).count() + 1;
         let presentation = Presentation {
             set: self.checked.parameters(phase, (stimulus, level)),
-            seed: self.checked.seed_of(&code, &current.trial),
+            // Each of a trial's stimuli has noise of its own: the X of ABX is not the same waveform as its twin.
+            seed: self.checked.seed_of(&code, &current.trial).wrapping_add(current.place as u64),
             folder: self.folder.path().join("signals").join(&code),
             name: format!("{:03}-{attempt}", current.trial.number),
         };
