@@ -7,11 +7,13 @@ use super::load::Source;
 use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
 use super::stage::{Host, Stage};
-use super::study;
 use super::talk::{self, Response, Work};
 use super::wire::{self, ClientMessage};
 use haptograph_engine::registry::Registry;
 use haptograph_signal::files::is_file;
+use haptograph_study::check::{Checked, StudyError};
+use haptograph_study::conduct::Conductor;
+use haptograph_study::data::{DataError, Folder};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -31,7 +33,7 @@ pub(crate) const HOST: Host = Host {
     can_drive: false,
 };
 /// Folder of a study's data.
-pub const DATA: &str = "data";
+const DATA: &str = "data";
 /// Buffer size for the samples played in one call without allocation.
 const ROOM: usize = 1 << 14;
 
@@ -41,7 +43,7 @@ pub struct Opened {
     /// The graph's file.
     #[serde(default)]
     pub graph: PathBuf,
-    /// The study's file, in place of a graph; its data are the files in the folder [`DATA`].
+    /// The study's file, in place of a graph; its data are the files in the folder `data`.
     #[serde(default)]
     pub study: Option<PathBuf>,
     /// Parameters that override the defaults, as RON.
@@ -79,6 +81,27 @@ pub struct Engine {
     played: Vec<f64>,
 }
 
+/// Opens a study in a page, whose data are its own.
+///
+/// # Errors
+/// As readable text.
+fn open_study(path: &Path, registry: &Registry) -> Result<(Source, Conductor), String> {
+    let checked = Checked::load(path, None).map_err(|error| error.to_string())?;
+    let folder = Folder::open(Path::new(DATA), &checked.identity(None)).map_err(|error| match error {
+        DataError::OtherStudy { .. } => {
+            "This browser has data of another version of the study. Download them, then remove them from this browser.".to_owned()
+        }
+        error => error.to_string(),
+    })?;
+    conduct(checked, folder, registry).map_err(|error| error.to_string())
+}
+
+fn conduct(checked: Checked, folder: Folder, registry: &Registry) -> Result<(Source, Conductor), StudyError> {
+    let (graph, set) = Conductor::first(&checked, registry)?;
+    let source = Source::new(checked.study.graph.clone(), registry, set);
+    Ok((source, Conductor::open(checked, folder, &graph)?))
+}
+
 /// A page with the messages to it.
 struct Connected {
     id: u64,
@@ -106,7 +129,7 @@ impl Engine {
         let stage = match &opened.study {
             None => Stage::open(opened.source(registry), HOST).map_err(failed)?,
             Some(study) => {
-                let (source, conductor) = study::open(study, registry)?;
+                let (source, conductor) = open_study(study, registry)?;
                 let mut stage = Stage::open(source, HOST).map_err(failed)?;
                 stage.begin_study(conductor);
                 stage

@@ -1,13 +1,7 @@
 //! A study that pages conduct.
 
-use super::load::Source;
-use super::page::DATA;
-use haptograph_engine::registry::Registry;
-use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::conduct::{Conductor, Presentation};
-use haptograph_study::data::{DataError, Folder};
 use serde_json::Value;
-use std::path::Path;
 #[cfg(not(target_family = "wasm"))]
 use std::time::Instant;
 
@@ -46,25 +40,4 @@ impl OnStage {
         let passed = haptograph_signal::time::since_1970().saturating_sub(self.begun);
         passed.as_secs_f64()
     }
-}
-
-/// Opens a study in a page, whose data are its own.
-///
-/// # Errors
-/// As readable text.
-pub(crate) fn open(path: &Path, registry: &Registry) -> Result<(Source, Conductor), String> {
-    let checked = Checked::load(path, None).map_err(|error| error.to_string())?;
-    let folder = Folder::open(Path::new(DATA), &checked.identity(None)).map_err(|error| match error {
-        DataError::OtherStudy { .. } => {
-            "This browser has data of another version of the study. Download them, then remove them from this browser.".to_owned()
-        }
-        error => error.to_string(),
-    })?;
-    conduct(checked, folder, registry).map_err(|error| error.to_string())
-}
-
-fn conduct(checked: Checked, folder: Folder, registry: &Registry) -> Result<(Source, Conductor), StudyError> {
-    let (graph, set) = Conductor::first(&checked, registry)?;
-    let source = Source::new(checked.study.graph.clone(), registry, set);
-    Ok((source, Conductor::open(checked, folder, &graph)?))
 }

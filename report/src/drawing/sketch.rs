@@ -15,7 +15,7 @@ pub(super) struct Sketch {
 }
 
 /// A node, or the body of a device.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct NodeBox {
     /// `texture/filter`; the name of a body.
     pub path: String,
@@ -34,8 +34,9 @@ pub(super) struct NodeBox {
     pub is_name: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Role {
+    #[default]
     Process,
     Source,
     Actuator,
@@ -96,8 +97,7 @@ impl Sketch {
             else {
                 continue;
             };
-            let ends = [wire.from, wire.to].map(|end| place[end.index()]);
-            let [Some(from), Some(to)] = ends else { continue };
+            let [Some(from), Some(to)] = [wire.from, wire.to].map(|end| place[end.index()]) else { continue };
             let from = (from, edge.output);
             // One label is enough for an output with several readers.
             let named = sketch.wires.iter().any(|wire| wire.from == from);
@@ -122,30 +122,33 @@ impl Sketch {
                 },
             });
         }
+        sketch.add_bodies(graph, &place);
+        sketch
+    }
+
+    /// Adds the bodies of devices, linked to the nodes that read or drive them.
+    fn add_bodies(&mut self, graph: &Graph, place: &[Option<usize>]) {
+        let nodes = graph.nodes();
         for (number, device) in graph.devices().iter().enumerate() {
             let spec = device.entry.spec;
-            let body = sketch.boxes.len();
-            sketch.boxes.push(NodeBox {
+            let body = self.boxes.len();
+            self.boxes.push(NodeBox {
                 path: device.name.clone(),
                 name: device.name.clone(),
                 kind: spec.name.to_owned(),
                 role: Role::Body,
                 clock: Some(device.clock),
-                inputs: Vec::new(),
-                outputs: Vec::new(),
-                settings: Vec::new(),
                 doc: first_sentence(spec.doc),
-                is_name: false,
+                ..NodeBox::default()
             });
             let bound = nodes.ids().filter(|n| nodes[*n].device() == Some(number));
             for node in bound {
                 let drives = nodes[node].entry.is_actuator();
                 if let Some(place) = place[node.index()] {
-                    sketch.touch(place, body, drives);
+                    self.touch(place, body, drives);
                 }
             }
         }
-        sketch
     }
 
     /// The names alone: no files, and one wire from a box to another, named by all of its ports. Templates are boxes if they `collapse`.
