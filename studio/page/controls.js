@@ -1,6 +1,6 @@
 // All live settings by node, and the graph's parameters; presets of both in a file.
 import { controlRow } from "./control.js";
-import { find, make, setText } from "./dom.js";
+import { find, make, save, setText } from "./dom.js";
 import { bare } from "./surfaces.js";
 
 const PRESET_VERSION = 1;

@@ -1,5 +1,5 @@
 // Records hands and settings from the first frame of a new run, and replays them.
-import { find, make, setText } from "./dom.js";
+import { find, make, save, setText } from "./dom.js";
 import { reportLink } from "./surfaces.js";
 
 export function mountRecorder(studio) {
