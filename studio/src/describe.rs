@@ -1,6 +1,6 @@
 //! Descriptions of the node kinds and of the running graph for the page.
 
-use super::channels::{NoPad, PadSpec};
+use super::channels::{InputPad, NoPad, PadSpec};
 use super::fed;
 use super::levels;
 use super::pads::FULL_N;
@@ -161,6 +161,7 @@ fn shown(stage: &Stage) -> Value {
         "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
         "drawing": drawing::standalone_svg(graph, &name),
         "pads": stage.loaded.pads.iter().map(pad).collect::<Vec<_>>(),
+        "inputs": stage.loaded.inputs.iter().map(input).collect::<Vec<_>>(),
         "others": stage.loaded.others.iter().map(no_pad).collect::<Vec<_>>(),
         "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
         "levels": levels::described(&ports),
@@ -183,6 +184,11 @@ fn pad(pad: &PadSpec) -> Value {
         "channels": names.collect::<Vec<_>>(), "is_laid": pad.on.is_some(),
         "gives_n_per_mm": gives_n_per_m.filter(|gives| gives.is_finite()).map(|gives| gives * 1e-3),
     })
+}
+
+fn input(input: &InputPad) -> Value {
+    let InputPad { pad, port, range: [min, max] } = input;
+    json!({ "endpoint": pad.endpoint, "channel": pad.channels[0].0, "port": port, "min": min, "max": max })
 }
 
 fn no_pad(other: &NoPad) -> Value {
@@ -234,7 +240,7 @@ fn parameters(stage: &Stage) -> Vec<Value> {
             "name": name, "value": value, "default": default, "is_surface": is_surface(name, value),
             "unit": symbol(spec.and_then(|spec| spec.unit.as_ref())), "doc": spec.map_or("", |spec| &spec.doc),
             "min": range.map(|range| range.0), "max": range.map(|range| range.1),
-            "whole": spec.is_some_and(|spec| spec.whole),
+            "whole": spec.is_some_and(|spec| spec.whole), "choices": spec.map(fed::choices).unwrap_or_default(),
         })
     });
     each.collect()
