@@ -74,21 +74,6 @@ pub(crate) struct PadSpec {
     pub size_mm: (f64, f64),
 }
 
-/// An endpoint that nodes read and that no pointer can represent.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct NoPad {
-    pub endpoint: String,
-    /// The channels that no pad provides; empty if the touched surface is unknown.
-    pub lacks: Vec<&'static str>,
-}
-
-impl NoPad {
-    /// True if it has one number, as a fader.
-    pub(crate) fn is_number(&self) -> bool {
-        self.lacks == ["value"]
-    }
-}
-
 /// A channel that a page can move though no pointer can represent its endpoint.
 #[derive(Debug, Clone)]
 pub(crate) struct InputPad {
@@ -114,8 +99,11 @@ pub(crate) fn inputs(graph: &Graph, lent: &[String]) -> Vec<InputPad> {
             if inputs.iter().any(is_known) {
                 continue;
             }
+            let mut frame = [0.0; 6];
+            device.device().clone_box().read(number, &mut frame[..output.kind.width()]);
+            let first = frame.into_iter().fold(0.0, |far: f64, x| far.max(x.abs()));
             let range = device.device().range(number).filter(|[from, to]| from != to);
-            let [from, to] = range.unwrap_or_else(|| usual(output.quantity));
+            let [from, to] = range.unwrap_or_else(|| usual(output.quantity, first));
             let range = [from.min(to), from.max(to)];
             let channels = vec![(name, Gives::Numbers(range))];
             let (endpoint, size_mm) = (device.name.clone(), (2.0 * REACH_MM, 2.0 * REACH_MM));
@@ -126,9 +114,9 @@ pub(crate) fn inputs(graph: &Graph, lent: &[String]) -> Vec<InputPad> {
     inputs
 }
 
-/// The range of an input whose device has none.
-fn usual(quantity: Quantity) -> [f64; 2] {
-    match quantity {
+/// The range of an input whose device has none and begins as far as `first` from zero.
+fn usual(quantity: Quantity, first: f64) -> [f64; 2] {
+    let range = match quantity {
         Quantity::NUMBER => [0.0, 1.0],
         Quantity::FREQUENCY => [20.0, 500.0],
         Quantity::LENGTH => [-0.1, 0.1],
@@ -137,24 +125,24 @@ fn usual(quantity: Quantity) -> [f64; 2] {
         Quantity::ACCELERATION => [-20.0, 20.0],
         Quantity::FORCE => [-10.0, 10.0],
         _ => [-1.0, 1.0],
-    }
+    };
+    if first > range[1] { [-2.0 * first, 2.0 * first] } else { range }
 }
 
-/// Divides the endpoints of a hosted graph into pads and others; an endpoint for which `stays` is true is not a pad.
+/// Divides the endpoints of a hosted graph into pads and others, with whether these are one number as a fader's; an endpoint for which `stays` is true is not a pad.
 /// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
 /// only if needed.
 pub(crate) fn sort(
     hosted: &Graph,
     stays: impl Fn(&str) -> bool,
     simulated: impl FnOnce() -> Option<Graph>,
-) -> (Vec<PadSpec>, Vec<NoPad>) {
+) -> (Vec<PadSpec>, Vec<(String, bool)>) {
     let (mut pads, mut others) = (Vec::new(), Vec::new());
     let mut touched = None;
     let mut simulated = Some(simulated);
     for (endpoint, channels) in endpoints(hosted) {
         if stays(&endpoint) {
-            let lacks = Vec::new();
-            others.push(NoPad { endpoint, lacks });
+            others.push((endpoint, false));
             continue;
         }
         let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
@@ -165,9 +153,7 @@ pub(crate) fn sort(
             pads.push(PadSpec { endpoint, channels, on, size_mm });
             continue;
         }
-        let lacks = channels.iter().filter(|channel| given(channel).is_none());
-        let lacks: Vec<&'static str> = lacks.map(|(name, _)| *name).collect();
-        let on = lacks.is_empty().then(|| {
+        let on = (known.len() == channels.len()).then(|| {
             let graph = touched.get_or_insert_with(|| simulated.take().and_then(|load| load()));
             let mut devices = graph.iter().flat_map(|graph| graph.devices());
             let device = devices.find(|device| device.name == endpoint)?;
@@ -175,7 +161,7 @@ pub(crate) fn sort(
         });
         match on.flatten() {
             Some(on) => pads.push(laid_on(endpoint, known, on)),
-            None => others.push(NoPad { endpoint, lacks }),
+            None => others.push((endpoint, channels == [("value", Kind::SCALAR)])),
         }
     }
     (pads, others)

@@ -1,6 +1,6 @@
 //! Descriptions of the node kinds and of the running graph for the page.
 
-use super::channels::{InputPad, NoPad, PadSpec};
+use super::channels::{InputPad, PadSpec};
 use super::fed;
 use super::levels;
 use super::pads::FULL_N;
@@ -162,7 +162,7 @@ fn shown(stage: &Stage) -> Value {
         "drawing": drawing::standalone_svg(graph, &name),
         "pads": stage.loaded.pads.iter().map(pad).collect::<Vec<_>>(),
         "inputs": stage.loaded.inputs.iter().map(input).collect::<Vec<_>>(),
-        "others": stage.loaded.others.iter().map(no_pad).collect::<Vec<_>>(),
+        "others": stage.loaded.others,
         "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
         "levels": levels::described(&ports),
         "settings": settings(stage),
@@ -189,10 +189,6 @@ fn pad(pad: &PadSpec) -> Value {
 fn input(input: &InputPad) -> Value {
     let InputPad { pad, port, range: [min, max] } = input;
     json!({ "endpoint": pad.endpoint, "channel": pad.channels[0].0, "port": port, "min": min, "max": max })
-}
-
-fn no_pad(other: &NoPad) -> Value {
-    json!({ "endpoint": other.endpoint, "lacks": other.lacks })
 }
 
 fn port(port: &Port) -> Value {

@@ -1,6 +1,6 @@
 //! Loading of a graph whose tablets are replaced by pads.
 
-use super::channels::{self, InputPad, NoPad, PadSpec};
+use super::channels::{self, InputPad, PadSpec};
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check, declared_devices};
@@ -39,7 +39,7 @@ pub(crate) struct Loaded {
     /// The channels of other endpoints that pages can move.
     pub inputs: Vec<InputPad>,
     /// The endpoints that nodes read and that no page can move.
-    pub others: Vec<NoPad>,
+    pub others: Vec<String>,
     /// Names, values and defaults, as RON.
     pub parameters: Vec<(String, String, String)>,
 }
@@ -114,11 +114,13 @@ impl Source {
         let (pads, others) =
             channels::sort(&hosted, stays, || check(&document, &self.registry, &options).ok());
         // What an actuator answers is not moved.
-        let (lent, others): (Vec<NoPad>, _) = others.into_iter().partition(|other| {
-            !is_driven(&other.endpoint) && (!is_real(&other.endpoint) || other.is_number())
-        });
+        let is_lent = |(endpoint, is_number): &(String, bool)| {
+            !is_driven(endpoint) && (!is_real(endpoint) || *is_number)
+        };
+        let (lent, others): (Vec<_>, Vec<_>) = others.into_iter().partition(is_lent);
+        let others = others.into_iter().map(|(endpoint, _)| endpoint).collect();
         options.hosted = Hosted::Also(pads.iter().map(|pad| pad.endpoint.clone()).collect());
-        options.lent = lent.into_iter().map(|other| other.endpoint).collect();
+        options.lent = lent.into_iter().map(|(endpoint, _)| endpoint).collect();
         let value = |name: &str, default: &str| {
             let set = self.set.iter().rev().find(|(known, _)| known == name);
             set.map_or_else(|| default.to_owned(), |(_, value)| value.clone())
