@@ -9,6 +9,7 @@ use crate::node::{BuildContext, BuildError};
 use crate::settings::{SettingSpec, Settings};
 use crate::silence::LiveInput;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::time::Rate;
 use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
@@ -85,6 +86,19 @@ pub trait Device: CloneDevice + Send + Sync {
     fn group_delay_s(&self, channel: usize) -> f64 {
         let _ = channel;
         0.0
+    }
+    /// The device under an endpoint that is lent to the calling program.
+    fn body(&self) -> Option<&dyn Device> {
+        None
+    }
+    /// The same, to connect it.
+    fn body_mut(&mut self) -> Option<&mut (dyn Device + 'static)> {
+        None
+    }
+    /// Range of the components of a sensed channel, if the device keeps them in one.
+    fn range(&self, channel: usize) -> Option<[f64; 2]> {
+        let _ = channel;
+        None
     }
     /// Largest magnitude that a driven channel can output, in the channel's unit, if it is known. The check lowers
     /// higher limits to it.
@@ -175,6 +189,12 @@ pub trait CloneDevice {
     fn as_any_mut(&mut self) -> &mut dyn Any;
 }
 
+impl Clone for Box<dyn Device> {
+    fn clone(&self) -> Self {
+        (**self).clone_box()
+    }
+}
+
 impl<T: Device + Clone + 'static> CloneDevice for T {
     fn clone_box(&self) -> Box<dyn Device> {
         Box::new(self.clone())
@@ -239,6 +259,11 @@ impl DeviceEntry {
     pub fn host() -> Self {
         let is_host = true;
         Self { is_host, ..Self::of::<crate::host::Host>() }
+    }
+
+    /// Lends a device to the calling program: its channels have the program's values while there are some.
+    pub(crate) fn lent(body: Box<dyn Device>, rate: Rate) -> Box<dyn Device> {
+        crate::host::HostEndpoint::over(body, rate)
     }
 
     /// True if the device is an endpoint of the program that embeds the graph; its channels are those that the graph

@@ -16,6 +16,11 @@
 //! depend on it ramp to zero unless `on_silence` is `Hold`, and back when values arrive. Before the first value they
 //! stay at zero. Values queued before the first call count from the first frame on.
 //!
+//! # Lent endpoints
+//! The program may replace what a device senses, channel by channel, for as long as it wants: an endpoint in
+//! [`CheckOptions::lent`](crate::graph::CheckOptions::lent) has the values of its device before the first value of the
+//! program and after [`AnyInput::release_at`].
+//!
 //! # Threads
 //! Handles and player can be used on different threads. [`Player::process`](crate::run::Player::process), [`Input::set`], [`Input::push`] and
 //! [`Output::read`] are real-time code: they do not allocate, lock, wait or make system calls.
@@ -74,5 +79,6 @@ mod queue;
 
 pub use crate::frame::{Scalar, Vector, Wrench};
 pub use any::{AnyInput, AnyOutput};
+pub(crate) use endpoint::HostEndpoint;
 pub use endpoint::{Host, HostSettings};
 pub use handles::{Full, HostError, HostFrame, Input, Output};

@@ -1,5 +1,6 @@
 // The studio: the latest messages of the engine, the requests that the page may send, and its panels.
 import { mountArming } from "./arming.js";
+import { Assignments } from "./assign.js";
 import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
 import { mountControls } from "./controls.js";
@@ -7,9 +8,10 @@ import { find, make, setText, takesText } from "./dom.js";
 import { mountEditor } from "./editor.js";
 import { Emitter } from "./events.js";
 import { mountGraph } from "./graph.js";
+import { mountPadInputs } from "./inputs.js";
 import { mountMap } from "./map.js";
 import { mountPad } from "./pad.js";
-import { simulatedAlone } from "./pads.js";
+import { unmoved } from "./pads.js";
 import { mountRecorder } from "./recorder.js";
 import { mountScopes } from "./scopes.js";
 import { Sound } from "./sound.js";
@@ -180,7 +182,7 @@ function coverSays(studio) {
     if (stop) return [`${stop.text}.`, stop.label, stop.action];
     if (status && !status.owner) return ["Another page owns the pad.", "Take over", () => studio.own()];
     if (studio.graph?.pads.length !== 0) return null;
-    return [["No endpoint of this graph can be a pointer.", ...simulatedAlone(studio.graph)].join(" ")];
+    return [["This graph reads nothing that a hand could move.", ...unmoved(studio.graph)].join(" ")];
 }
 
 function cover(studio) {
@@ -240,6 +242,8 @@ studio.showTab = studio.say = () => {};
 mountTabs(studio);
 studio.sound = new Sound(studio);
 studio.pad = mountPad(studio);
+studio.assignments = new Assignments(studio);
+mountPadInputs(studio);
 mountMap(studio);
 mountScopes(studio);
 mountGraph(studio);

@@ -32,7 +32,7 @@ export class Connection extends Emitter {
             open: () => this.#opened(),
             close: ({ reason }) => this.#closed(reason),
             message: ({ data }) => this.#received(data),
-            stroked: ({ samples }) => this.emit("stroked", samples),
+            stroked: (part) => this.emit("stroked", part),
             unsent: ({ unsent }) => (this.unsent = unsent),
         };
         this.#worker.onmessage = ({ data }) => hear[data.what]?.(data);
@@ -79,9 +79,10 @@ export class Connection extends Emitter {
         this.#worker.postMessage({ what: "player", port }, [port]);
     }
 
-    // Begins the simulated hand's stroke, or changes its force ({ pad, force_n }); null lifts it. Emits `stroked`.
+    // Begins a gesture of simulated hands ({ hands, gesture, force_n }), or changes it without `hands`; null lifts them. Emits
+    // `stroked` ({ number, samples }).
     stroke(how) {
-        this.#worker.postMessage({ what: "stroke", ...how });
+        this.#worker.postMessage({ what: "stroke", how });
     }
 
     // A STOP is kept until the engine confirms it or a page resumes; all other messages are dropped without a

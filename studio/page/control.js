@@ -19,6 +19,12 @@ export function scaleFor({ min, max, value, whole }) {
     return { to: (x) => rounded(min + (max - min) * x, whole), from: (v) => (v - min) / (max - min) };
 }
 
+// The range of a slider of a setting that states none to turn through: about its own value, within what is valid.
+export function around({ min, max, value, whole }) {
+    const [low, high] = value === 0 ? [0, 1] : value > 0 ? [0, 2 * value] : [2 * value, 0];
+    return { min: Math.max(low, min ?? -Infinity), max: Math.min(high, max ?? Infinity), value, whole };
+}
+
 // As many digits as a slider's position resolves.
 const rounded = (value, whole) => (whole ? Math.round(value) : Number(value.toPrecision(4)));
 
@@ -32,17 +38,18 @@ const live = (studio, { name, value }) => ({
 
 // The row of a setting; `dispose` ends its listening. A value that is not live is set when the slider is released.
 export function controlRow(studio, setting, { compact = false, turn = live(studio, setting) } = {}) {
-    const scale = scaleFor(setting);
+    const scale = scaleFor(setting) ?? scaleFor(around(setting));
     const label = `${setting.node} ${setting.field}`;
     const name = make("span", { class: "name", text: setting.field, title: setting.name });
-    const slider = sliderOf(scale, label);
+    const slider = setting.isSwitch ? switchOf(label) : sliderOf(scale, label);
     const number = numberOf(setting, label);
     const show = (value) => {
-        if (scale) {
-            slider.value = String(STEPS * scale.from(value));
+        if (setting.isSwitch) slider.checked = value > 0;
+        else if (scale) {
+            slider.value = String(STEPS * Math.max(0, Math.min(1, scale.from(value))));
             slider.setAttribute("aria-valuetext", `${value} ${setting.unit ?? ""}`);
         }
-        if (document.activeElement !== number) number.value = asNumber(value);
+        if (document.activeElement !== number) number.value = asNumber(value, setting.digits);
     };
     const change = (value) => {
         if (!Number.isFinite(value)) return null;
@@ -52,7 +59,8 @@ export function controlRow(studio, setting, { compact = false, turn = live(studi
         );
         return turn.set(within);
     };
-    if (scale) {
+    if (setting.isSwitch) slider.addEventListener("change", () => change(Number(slider.checked)));
+    else if (scale) {
         const toValue = () => scale.to(slider.value / STEPS);
         slider.addEventListener("input", () => (turn.isLive ? change(toValue()) : show(toValue())));
         if (!turn.isLive) slider.addEventListener("change", () => change(toValue()));
@@ -61,18 +69,23 @@ export function controlRow(studio, setting, { compact = false, turn = live(studi
     }
     number.addEventListener("change", async () => {
         if (number.value !== "") await change(Number(number.value));
-        number.value = asNumber(turn.now());
+        number.value = asNumber(turn.now(), setting.digits);
     });
-    const dispose = turn.follow(show);
+    const forget = turn.follow(show);
     show(turn.now());
     const unit = make("span", { class: "unit", text: setting.unit ?? "" });
     const doc = compact ? null : make("span", { class: "doc" }, ...prose(setting.doc));
-    const row = make("div", { class: "control", title: compact ? setting.doc : null }, name, slider, number, unit, doc);
-    return { element: row, dispose };
+    const row = make("div", { class: "control", title: compact ? setting.doc : null }, name, slider, number, unit);
+    const move = (part) => scale && change(scale.to(part));
+    const assigned = studio.assignments.add(setting.id ?? setting.name, { label, move }, row);
+    row.append(assigned.button, ...(doc ? [doc] : []));
+    return { element: row, dispose: () => (forget(), assigned.dispose()) };
 }
 
+const switchOf = (label) => make("input", { type: "checkbox", role: "switch", "aria-label": label });
+
 // The text of a value in a field, without digits of rounding.
-const asNumber = (value) => String(Number(Number(value).toPrecision(6)));
+const asNumber = (value, digits = 6) => String(Number(Number(value).toPrecision(digits)));
 
 function sliderOf(scale, label) {
     if (!scale) return make("span", { class: "no-range" });

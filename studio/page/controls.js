@@ -1,9 +1,12 @@
 // All live settings by node, and the graph's parameters; presets of both in a file.
 import { controlRow } from "./control.js";
-import { find, make, setText } from "./dom.js";
+import { find, make, save, setText } from "./dom.js";
+import { inputsSection } from "./inputs.js";
 import { bare } from "./surfaces.js";
 
 const PRESET_VERSION = 1;
+const HASH = "#preset=";
+const MAX_LINK = 16_000;
 
 export function mountControls(studio) {
     let rows = [],
@@ -13,6 +16,7 @@ export function mountControls(studio) {
             graph.settings.map(({ value, ...rest }) => rest),
             graph.parameters.map(({ value, ...rest }) => ({ ...rest, isTurned: isTurned({ value, ...rest }) })),
             graph.surfaces.map(({ path }) => path),
+            graph.inputs,
         ]);
         if (now !== shape) {
             for (const row of rows) row.dispose();
@@ -28,7 +32,16 @@ export function mountControls(studio) {
         if (file) await studio.loadPreset(file);
         event.target.value = "";
     });
-    studio.loadPreset = (file) => loadPreset(studio, file);
+    find("preset-link").addEventListener("click", () => linkPreset(studio));
+    studio.loadPreset = async (file) => takePreset(studio, file.name, await file.text());
+    let isLoaded = false;
+    const loadOnce = ({ owner }) => {
+        if (isLoaded || !owner || !studio.graph) return;
+        isLoaded = true;
+        loadLink(studio);
+    };
+    studio.on("status", loadOnce);
+    window.addEventListener("hashchange", () => loadLink(studio));
 }
 
 function rebuild(studio, graph) {
@@ -57,6 +70,7 @@ function rebuild(studio, graph) {
             { class: "control-group", "aria-label": "Parameters" },
             make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
             ...graph.parameters.map((parameter) => {
+                if (choicesOf(parameter)) return choiceRow(studio, parameter);
                 if (!isTurned(parameter)) return parameterRow(studio, parameter);
                 const row = turnedRow(studio, parameter);
                 rows.push(row);
@@ -65,12 +79,14 @@ function rebuild(studio, graph) {
             list,
         );
     if (groups.length === 0) groups.push(make("p", { class: "soft", text: "No node of this graph has a live setting." }));
-    find("controls").replaceChildren(...[parameters, ...groups].filter(Boolean));
+    const inputs = inputsSection(studio);
+    if (inputs) rows.push(inputs);
+    find("controls").replaceChildren(...[inputs?.element, parameters, ...groups].filter(Boolean));
     return rows;
 }
 
-// True for a number that feeds a setting; it has the setting's unit and range.
-const isTurned = ({ value, doc }) => Boolean(doc) && value.trim() !== "" && Number.isFinite(Number(value));
+// True for a number; it has the unit and range of the setting that it feeds.
+const isTurned = ({ value }) => value.trim() !== "" && Number.isFinite(Number(value));
 
 // A parameter with the row of a setting: the graph is loaded anew when the slider is released.
 function turnedRow(studio, parameter) {
@@ -101,10 +117,31 @@ function turnedRow(studio, parameter) {
         listeners.push(listener);
         return studio.on("graph", show);
     };
-    const setting = { ...parameter, node: "parameter", field: name, value: usual };
+    const whole = parameter.whole || (!parameter.doc && Number.isInteger(usual) && !otherwise.includes("."));
+    const setting = { ...parameter, whole, node: "parameter", field: name, value: usual, id: `parameter ${name}` };
     const { element, dispose } = controlRow(studio, setting, { turn: { isLive: false, set, now, follow } });
     element.append(error);
     return { element, dispose };
+}
+
+// What a parameter can be, if that is a list; a boolean is a switch.
+const choicesOf = ({ value, choices }) => (choices?.includes(value) ? choices : ["true", "false"].includes(value) ? [] : null);
+
+function choiceRow(studio, parameter) {
+    const { name, default: otherwise } = parameter;
+    const [choices, label] = [choicesOf(parameter), `parameter ${name}`];
+    const field = choices.length
+        ? make("select", { "aria-label": label }, ...choices.map((choice) => make("option", { value: choice, text: choice })))
+        : make("input", { type: "checkbox", role: "switch", "aria-label": label });
+    field.dataset.parameter = name;
+    const error = make("span", { class: "error", role: "alert", hidden: true });
+    field.addEventListener("change", async () => {
+        const reply = await studio.parameter(name, choices.length ? field.value : String(field.checked));
+        error.hidden = reply.ok;
+        setText(error, reply.ok ? "" : reply.error);
+        showParameters(studio);
+    });
+    return make("div", { class: "parameter" }, make("span", { class: "name", text: name, title: `default ${otherwise}` }), field, error);
 }
 
 function parameterRow(studio, parameter) {
@@ -139,8 +176,13 @@ function showParameters({ graph, blind }) {
     for (const { name, value, is_surface } of graph.parameters) {
         const field = find("controls").querySelector(`[data-parameter="${CSS.escape(name)}"]`);
         if (!field) continue;
-        const isHidden = is_surface && blind;
+        if (field.type === "checkbox") field.checked = value === "true";
         const button = field.parentElement.querySelector("button");
+        if (!button) {
+            field.value = value;
+            continue;
+        }
+        const isHidden = is_surface && blind;
         field.disabled = button.disabled = isHidden;
         field.placeholder = isHidden ? "hidden while blind" : "";
         if (isHidden) field.value = "";
@@ -148,37 +190,74 @@ function showParameters({ graph, blind }) {
     }
 }
 
-function savePreset(studio) {
+function presetOf(studio) {
     const { name, parameters } = studio.graph;
-    const preset = {
+    return {
         haptograph_preset: PRESET_VERSION,
         graph: name,
         settings: Object.fromEntries(studio.values),
         parameters: Object.fromEntries(parameters.map(({ name: parameter, value }) => [parameter, value])),
+        assignments: studio.assignments.sources,
     };
-    save(`${name}-preset.json`, new Blob([`${JSON.stringify(preset, null, 2)}\n`], { type: "application/json" }));
 }
 
-// Parameters first (the graph is loaded anew), then the settings that it has.
-async function loadPreset(studio, file) {
+function savePreset(studio) {
+    const text = `${JSON.stringify(presetOf(studio), null, 2)}\n`;
+    save(`${studio.graph.name}-preset.json`, new Blob([text], { type: "application/json" }));
+}
+
+// Puts the preset into the page's address, from where it is loaded with the page.
+function linkPreset(studio) {
+    const bytes = new TextEncoder().encode(JSON.stringify(presetOf(studio)));
+    const text = btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+    if (text.length > MAX_LINK) return studio.say("bad", `The preset is too long for an address (${text.length} letters, at most ${MAX_LINK}): save it to a file`);
+    history.replaceState(null, "", HASH + text);
+    navigator.clipboard?.writeText(location.href).catch(() => {});
+    studio.say("good", "The address of this page has the preset now");
+}
+
+// Loads the preset of the page's address, if it has one.
+async function loadLink(studio) {
+    if (!location.hash.startsWith(HASH)) return;
+    const text = location.hash.slice(HASH.length);
+    const where = "The preset in the page's address";
+    if (text.length > MAX_LINK) return studio.say("bad", `${where} has ${text.length} letters, at most ${MAX_LINK}`);
+    const letter = text.search(/[^A-Za-z0-9_-]/);
+    if (letter >= 0) return studio.say("bad", `${where} has \`${text[letter]}\` at letter ${letter + 1}: it was not copied whole`);
+    try {
+        const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (each) => each.charCodeAt(0));
+        await takePreset(studio, where, new TextDecoder("utf-8", { fatal: true }).decode(bytes));
+    } catch {
+        studio.say("bad", `${where} was not copied whole`);
+    }
+}
+
+// Takes the text of a preset: parameters first (the graph is loaded anew), then the settings that it has, then assignments.
+async function takePreset(studio, name, text) {
     let preset;
     try {
-        preset = JSON.parse(await file.text());
-    } catch {
-        return studio.say("bad", `${file.name} is not a preset: it is not JSON.`);
+        preset = JSON.parse(text);
+    } catch (error) {
+        return studio.say("bad", `${name} is not a preset: it is not JSON (${error.message})`);
     }
-    if (preset?.haptograph_preset !== PRESET_VERSION) return studio.say("bad", `${file.name} is not a preset of this version.`);
+    const version = preset?.haptograph_preset;
+    if (version !== PRESET_VERSION) return studio.say("bad", `${name}: \`haptograph_preset\` is ${JSON.stringify(version) ?? "missing"}, not ${PRESET_VERSION}`);
+    const mapOf = (part) => (typeof preset[part] === "object" && preset[part] !== null ? preset[part] : {});
     const failures = [];
-    for (const { name, value } of studio.graph.parameters) {
-        const wanted = preset.parameters?.[name];
-        if (typeof wanted !== "string" || wanted === value) continue;
-        const reply = await studio.parameter(name, wanted);
-        if (!reply.ok) failures.push(`${name}: ${reply.error}`);
+    for (const [parameter, wanted] of Object.entries(mapOf("parameters"))) {
+        const known = studio.graph.parameters.find((each) => each.name === parameter);
+        if (!known) failures.push(`parameters, ${parameter}: this graph has no such parameter`);
+        else if (typeof wanted !== "string") failures.push(`parameters, ${parameter}: ${JSON.stringify(wanted)} is no text`);
+        if (!known || typeof wanted !== "string" || wanted === known.value) continue;
+        const reply = await studio.parameter(parameter, wanted);
+        if (!reply.ok) failures.push(`parameters, ${parameter}: ${reply.error}`);
     }
-    for (const [name, value] of Object.entries(preset.settings ?? {})) {
-        if (typeof value === "number" && studio.values.has(name)) studio.set(name, value);
-        else failures.push(`${name}: this graph has no such live setting`);
+    for (const [setting, value] of Object.entries(mapOf("settings"))) {
+        if (!studio.values.has(setting)) failures.push(`settings, ${setting}: this graph has no such live setting`);
+        else if (!Number.isFinite(value)) failures.push(`settings, ${setting}: ${JSON.stringify(value)} is no number`);
+        else studio.set(setting, value);
     }
-    if (failures.length) studio.say("warn", `${file.name} was loaded but for ${failures.join("; ")}`);
-    else studio.say("good", `${file.name} was loaded.`);
+    failures.push(...studio.assignments.take(mapOf("assignments"), name));
+    if (failures.length) studio.say("warn", `${name} was loaded but for ${failures.slice(0, 5).join("; ")}`);
+    else studio.say("good", `${name} was loaded.`);
 }

@@ -1,33 +1,37 @@
-// A simulated hand on the first pad. It runs in the worker of the socket, so that its strokes stay even while the page
-// is busy.
+// Simulated hands on all pads, and on the inputs that nobody holds. They run in the worker of the socket, with exact times, so
+// that their strokes stay even while the page is busy.
 const WHO = "demo";
 
 export class DemoHand {
     #hands;
     #connection;
+    running = false;
+    gesture = "circles";
 
     constructor(hands, connection) {
         this.#hands = hands;
         this.#connection = connection;
-        connection.on("stroked", (samples) => hands.move(WHO, samples));
+        hands.onpress = () => this.stop();
+        connection.on("stroked", ({ number, samples }) => this.running && hands.show(WHO, number, samples));
         connection.on("lost", () => this.stop());
     }
 
-    get running() {
-        return this.#hands.down.some((hand) => hand.who === WHO);
-    }
-
     start() {
-        const guided = this.#hands.guide(WHO, () => this.#connection.stroke(null));
-        if (guided) this.press();
+        const hands = this.#hands.free();
+        if (hands.length === 0 || !this.#hands.allowed()) return;
+        this.running = true;
+        this.#connection.stroke({ hands, gesture: this.gesture, force_n: this.#hands.force_n });
     }
 
     stop() {
-        this.#hands.lift(WHO);
+        if (!this.running) return;
+        this.running = false;
+        this.#hands.hide(WHO);
+        this.#connection.stroke(null);
     }
 
-    // Takes the force of the slider.
-    press() {
-        this.#connection.stroke({ pad: this.#hands.pads[0], force_n: this.#hands.force_n });
+    // Takes the gesture and the force of the slider.
+    change() {
+        if (this.running) this.#connection.stroke({ gesture: this.gesture, force_n: this.#hands.force_n });
     }
 }

@@ -5,12 +5,13 @@ const SOUND = 3;
 const POINTER_HEAD = 8;
 const POINTER_BYTES = 28;
 
-// Binary 1: the samples of a hand on pad number `pad`, oldest first.
-export function pointers(pad, samples) {
+// Binary 1: the samples of a hand on a pad or input by its number, oldest first; `planned` ones are sent ahead of their times.
+export function pointers(pad, samples, planned = false) {
     const view = new DataView(new ArrayBuffer(POINTER_HEAD + POINTER_BYTES * samples.length));
     view.setUint8(0, POINTERS);
     view.setUint8(1, pad);
     view.setUint16(2, samples.length, true);
+    view.setUint32(4, Number(planned), true);
     samples.forEach((sample, i) => {
         const at = POINTER_HEAD + POINTER_BYTES * i;
         view.setFloat64(at, sample.time_ms, true);

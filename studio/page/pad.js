@@ -1,8 +1,9 @@
 // The pad: a picture of the surface, the hands on it, and the force of those that cannot press.
 import { photoName, pictureOf, showHalves } from "./compare.js";
 import { DemoHand } from "./demo.js";
-import { find, kept, setText } from "./dom.js";
+import { find, kept, make, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
+import { GESTURES } from "./gestures.js";
 import { followKeys, followPointers, Hands } from "./hands.js";
 import { digits } from "./numbers.js";
 import { laidOn, whatMoves } from "./pads.js";
@@ -25,15 +26,20 @@ const MARK = "#1c242c";
 
 export function mountPad(studio) {
     const hands = new Hands(studio.connection);
-    const place = { left: 0, top: 0, scale: 1, width_mm: 100, height_mm: 60 };
+    // Of the pads side by side; the size is that of one.
+    const place = { left: 0, top: 0, scale: 1, width_mm: 100, height_mm: 60, names: [""] };
     const element = find("pad");
     const grid = new Surface(find("pad-grid"), () => drawGrid(grid, place));
     const canvas = new Surface(find("pad-canvas"), () => layOut(canvas, grid, hands, place));
     hands.allowed = () => studio.mayTouch();
-    const toMm = (clientX, clientY) => {
+    // `held` is the pad of a hand that is down: it does not leave it.
+    const toMm = (clientX, clientY, held) => {
         const box = element.getBoundingClientRect();
+        const x_mm = (clientX - box.left - place.left) / place.scale;
+        const pad = held ?? Math.max(0, Math.min(place.names.length - 1, Math.floor(x_mm / place.width_mm)));
         return {
-            x_mm: (clientX - box.left - place.left) / place.scale - place.width_mm / 2,
+            pad,
+            x_mm: x_mm - (pad + 0.5) * place.width_mm,
             y_mm: place.height_mm / 2 - (clientY - box.top - place.top) / place.scale,
         };
     };
@@ -44,8 +50,8 @@ export function mountPad(studio) {
     const calibration = mountCalibration(() => takePads(studio.graph));
     const takePads = (graph) => {
         const pads = calibration.calibrated(graph.pads);
-        if (JSON.stringify(pads) === JSON.stringify(hands.pads)) return;
-        hands.setPads(pads);
+        if (JSON.stringify([pads, graph.inputs]) === JSON.stringify([hands.pads, hands.inputs])) return;
+        hands.setPads(pads, graph.inputs);
         force.show();
     };
     studio.on("graph", (graph) => {
@@ -85,13 +91,17 @@ function followVibration(studio) {
     };
 }
 
-// The largest rectangle of the pad's proportions.
+// The largest rectangle of the pads' proportions, side by side.
 function layOut(canvas, grid, hands, place) {
-    const { width_mm, height_mm } = hands.pads[0] ?? { width_mm: 160, height_mm: 100 };
-    const scale = Math.max(0.1, Math.min((canvas.width - 2 * MARGIN) / width_mm, (canvas.height - 2 * MARGIN) / height_mm));
-    const [width, height] = [width_mm * scale, height_mm * scale];
-    find("main").style.setProperty("--aspect", String(height_mm / width_mm));
-    Object.assign(place, { scale, width_mm, height_mm, left: (canvas.width - width) / 2, top: (canvas.height - height) / 2 });
+    const most = (side) => Math.max(...hands.pads.map((pad) => pad[side]));
+    const [width_mm, height_mm] = hands.pads.length ? [most("width_mm"), most("height_mm")] : [160, 100];
+    const names = hands.pads.length ? hands.pads.map(({ endpoint }) => endpoint) : [""];
+    const all_mm = names.length * width_mm;
+    const scale = Math.max(0.1, Math.min((canvas.width - 2 * MARGIN) / all_mm, (canvas.height - 2 * MARGIN) / height_mm));
+    const [width, height] = [all_mm * scale, height_mm * scale];
+    find("main").style.setProperty("--aspect", String(height_mm / all_mm));
+    const [left, top] = [(canvas.width - width) / 2, (canvas.height - height) / 2];
+    Object.assign(place, { scale, width_mm, height_mm, left, top, names });
     Object.assign(find("pad-swatch").style, {
         left: `${place.left}px`,
         top: `${place.top}px`,
@@ -166,7 +176,7 @@ function mountForce(studio, hands, element) {
         slider.setAttribute("aria-valuetext", `${digits(hands.force_n)} newtons`);
         setText(find("force-text"), `${hands.force_n.toFixed(2)} N`);
         hands.repress();
-        if (studio.pad?.demo.running) studio.pad.demo.press();
+        studio.pad?.demo.change();
     };
     const set = (force_n) => {
         hands.force_n = Math.max(0.02, Math.min(most(), force_n));
@@ -188,10 +198,17 @@ function mountForce(studio, hands, element) {
 
 function mountDemo(studio, hands) {
     const demo = new DemoHand(hands, studio.connection);
-    const button = find("demo");
+    const [button, choice] = [find("demo"), find("gesture")];
     button.addEventListener("click", () => (demo.running ? demo.stop() : demo.start()));
+    choice.replaceChildren(...Object.entries(GESTURES).map(([value, text]) => make("option", { value, text })));
+    choice.addEventListener("change", () => {
+        demo.gesture = choice.value;
+        if (!demo.running) demo.start();
+        demo.change();
+    });
     everyFrame(() => {
-        button.disabled = !studio.mayTouch() || hands.pads.length === 0;
+        button.disabled = choice.disabled = !studio.mayTouch() || hands.free().length === 0;
+        button.title = hands.free().length > 0 ? "Simulated hands move all pads and the inputs that you do not hold" : "You hold all inputs";
         const pressed = String(demo.running);
         if (button.getAttribute("aria-pressed") === pressed) return;
         button.setAttribute("aria-pressed", pressed);
@@ -207,22 +224,17 @@ function draw(canvas, hands, place, now_ms, simulated) {
     const context = nothing && blank ? null : canvas.begin(); // nothing is painted while no hand is down
     blank = nothing;
     if (!context) return;
-    if (simulated) haloText(context, "simulated hand", place.left + 12, place.top + 20, MARK, HALO);
-    for (const hand of hands.down) if (hand.samples.length) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
+    const is = simulated ? "simulated hand" : hands.down.some(({ by }) => by === "replay") ? "replayed hand" : null;
+    if (is) haloText(context, is, place.left + 12, place.top + (place.names.length > 1 ? 40 : 20), MARK, HALO);
+    for (const hand of hands.down) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
 }
 
 function drawGrid(surface, place) {
     const context = surface.begin();
     if (!context) return;
-    const { left, top, scale, width_mm, height_mm } = place;
-    context.lineWidth = 1;
-    for (let mm = 0; mm <= width_mm / 2; mm += GRID_MM) {
-        for (const x of new Set([mm, -mm])) line(context, left + (width_mm / 2 + x) * scale, top, 0, height_mm * scale, mm);
-    }
-    for (let mm = 0; mm <= height_mm / 2; mm += GRID_MM) {
-        for (const y of new Set([mm, -mm])) line(context, left, top + (height_mm / 2 - y) * scale, width_mm * scale, 0, mm);
-    }
-    const [x, y] = [left + 14, top + height_mm * scale - 14];
+    const { top, scale, width_mm, height_mm, names } = place;
+    names.forEach((name, i) => drawPad(context, place, place.left + i * width_mm * scale, names.length > 1 && name));
+    const [x, y] = [place.left + 14, top + height_mm * scale - 14];
     context.strokeStyle = HALO;
     context.lineWidth = 5;
     bar(context, x, y, GRID_MM * scale);
@@ -231,6 +243,24 @@ function drawGrid(surface, place) {
     bar(context, x, y, GRID_MM * scale);
     context.font = FONT;
     haloText(context, `${GRID_MM} mm`, x + GRID_MM * scale + 8, y + 4, MARK, HALO);
+}
+
+// The grid of one pad, with its name and an edge where there are several.
+function drawPad(context, { top, scale, width_mm, height_mm }, left, name) {
+    if (name) {
+        context.strokeStyle = MARK;
+        context.lineWidth = 2;
+        context.strokeRect(left + 1, top + 1, width_mm * scale - 2, height_mm * scale - 2);
+        context.font = FONT_STRONG;
+        haloText(context, name, left + 12, top + 20, MARK, HALO);
+    }
+    context.lineWidth = 1;
+    for (let mm = 0; mm <= width_mm / 2; mm += GRID_MM) {
+        for (const x of new Set([mm, -mm])) line(context, left + (width_mm / 2 + x) * scale, top, 0, height_mm * scale, mm);
+    }
+    for (let mm = 0; mm <= height_mm / 2; mm += GRID_MM) {
+        for (const y of new Set([mm, -mm])) line(context, left, top + (height_mm / 2 - y) * scale, width_mm * scale, 0, mm);
+    }
 }
 
 function line(context, x, y, dx, dy, mm) {
@@ -251,7 +281,7 @@ function bar(context, x, y, width) {
 function drawHand(context, hand, place, pad, now_ms) {
     const ink = HAND_INKS[hand.pad % HAND_INKS.length];
     const px = ({ x_mm, y_mm }) => [
-        place.left + (x_mm + place.width_mm / 2) * place.scale,
+        place.left + (x_mm + (hand.pad + 0.5) * place.width_mm) * place.scale,
         place.top + (place.height_mm / 2 - y_mm) * place.scale,
     ];
     drawTrail(context, hand.samples, px, ink, now_ms);
@@ -306,7 +336,8 @@ function drawTrail(context, samples, px, ink, now_ms) {
 function drawLabel(context, text, x, y, place) {
     context.font = FONT_STRONG;
     const width = context.measureText(text).width + 18;
-    const left = Math.max(6, Math.min(x - width / 2, place.left * 2 + place.width_mm * place.scale - width - 6));
+    const right = place.left * 2 + place.names.length * place.width_mm * place.scale;
+    const left = Math.max(6, Math.min(x - width / 2, right - width - 6));
     const top = y - 13 < 4 ? y + 90 : y - 13;
     context.beginPath();
     context.roundRect(left, top, width, 24, 7);

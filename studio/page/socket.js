@@ -1,13 +1,13 @@
 // A Worker that holds the connection to the engine, a WebSocket or a port to the page's audio thread. A server's sound
-// goes from here to the player by a port of its own, without waiting for the page; the simulated hand runs here. All
+// goes from here to the player by a port of its own, without waiting for the page; simulated hands run here. All
 // other messages go to the page.
 import { EngineLink } from "./engine-link.js";
 import { pointers } from "./frames.js";
-import { Stroke } from "./stroke.js";
+import { Stroke } from "./gestures.js";
 
 const SOUND = 3;
 const WATCH_MS = 100;
-const STROKE_MS = 5; // as a pen tablet reports
+const STROKE_MS = 10;
 let socket = null;
 let player = null;
 let said = null;
@@ -22,7 +22,7 @@ const hear = {
     },
     send: ({ message }) => send(message),
     player: ({ port }) => (player = port),
-    stroke: ({ pad, force_n }) => guide(pad, force_n),
+    stroke: ({ how }) => guide(how),
 };
 onmessage = ({ data }) => hear[data.what]?.(data);
 
@@ -52,22 +52,20 @@ function send(message) {
     said = null;
 }
 
-// Begins to stroke, changes the force, or lifts the hand if there is no pad.
-function guide(pad, force_n) {
-    const now_ms = performance.now() + page_ms;
-    if (pad && stroke) stroke.force_n = force_n;
-    else if (pad) stroke = new Stroke(pad, force_n, now_ms);
-    else if (stroke) {
-        send(pointers(0, [{ ...stroke.sample(now_ms), force_n: 0 }]));
-        stroke = null;
-    }
+// Begins to stroke with `hands`, changes gesture and force, or lifts the hands if `how` is null.
+function guide(how) {
+    if (how && !how.hands) return stroke?.change(how);
+    stroke?.end().forEach(sendPlanned);
+    stroke = how && new Stroke(how, performance.now() + page_ms);
 }
 
+const sendPlanned = ({ number, samples }) => send(pointers(number, samples, true));
+
 setInterval(() => {
-    const samples = stroke?.until(performance.now() + page_ms) ?? [];
-    if (samples.length === 0) return;
-    send(pointers(0, samples));
-    postMessage({ what: "stroked", samples });
+    for (const part of stroke?.until(performance.now() + page_ms) ?? []) {
+        sendPlanned(part);
+        postMessage({ what: "stroked", ...part });
+    }
 }, STROKE_MS);
 
 // Number of bytes that wait to be sent, for the progress of long messages.

@@ -183,7 +183,8 @@ function soundSays(studio, counts, recent) {
 
 function handSays(studio) {
     const down = studio.pad.hands.down;
-    if (down.some(({ who }) => who === "demo"))
+    if (down.some(({ by }) => by === "replay")) return { level: "note", text: "The recorded hand strokes" };
+    if (studio.pad.demo.running)
         return { level: "good", text: "A simulated hand strokes; touch the pad to take over" };
     if (down.length)
         return { level: "good", text: studio.sound.on ? `You hear ${studio.graph?.sound?.what ?? "the actuator"}` : "Stroking" };

@@ -1,12 +1,15 @@
-//! Endpoints that a pointer can represent, and the values of their channels: one table.
+//! What a page can move: endpoints that a pointer can represent, with the values of their channels in one table, and single
+//! channels of others.
 
 use super::pointer::Pointer;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_nodes::simulated::ground::Ground;
 use haptograph_nodes::simulated::touchable::Touchable;
+use haptograph_signal::quantity::Quantity;
 use haptograph_signal::vector::{Vec3, add_scaled, cross, direction, scale, tangents};
 use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Size of a pad, mm: that of a small pen tablet. A pad on an object has the height of the object, and its
 /// width is scaled accordingly.
@@ -14,8 +17,12 @@ const SIZE_MM: (f64, f64) = (160.0, 100.0);
 /// Stiffness of a surface whose graph does not state one, N/m.
 const GIVES_N_PER_M: f64 = 500.0;
 
+/// Distance from the middle of the pad of an input to its ends, m and mm.
+const REACH_M: f64 = 0.1;
+const REACH_MM: f64 = 1e3 * REACH_M;
+
 /// The quantity that a pad provides to a channel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Gives {
     /// Position of the tip: on the plane of the pad, or in the surface that the pad lies on.
     Tip,
@@ -31,6 +38,8 @@ pub(crate) enum Gives {
     NoDrag,
     /// Orientation of the pen from its tilt: axis times angle.
     Orientation,
+    /// Numbers of this range, from position and tilt to the right; that of the device while the pointer is lifted.
+    Numbers([f64; 2]),
 }
 
 /// Quantities by name and kind of channel.
@@ -65,29 +74,75 @@ pub(crate) struct PadSpec {
     pub size_mm: (f64, f64),
 }
 
-/// An endpoint that nodes read and that no pointer can represent.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct NoPad {
-    pub endpoint: String,
-    /// The channels that no pad provides; empty if the touched surface is unknown.
-    pub lacks: Vec<&'static str>,
+/// A channel that a page can move though no pointer can represent its endpoint.
+#[derive(Debug, Clone)]
+pub(crate) struct InputPad {
+    /// Its pad: a range of numbers along each axis.
+    pub pad: PadSpec,
+    /// The output that reads it.
+    pub port: String,
+    pub range: [f64; 2],
 }
 
-/// Divides the endpoints of a hosted graph into pads and others; an endpoint for which `stays` is true is not a pad.
+/// The channels that nodes read of lent endpoints.
+pub(crate) fn inputs(graph: &Graph, lent: &[String]) -> Vec<InputPad> {
+    let mut inputs: Vec<InputPad> = Vec::new();
+    for node in graph.nodes().iter() {
+        let device = node.device().map(|device| &graph.devices()[device]);
+        let Some(device) = device.filter(|device| lent.contains(&device.name)) else { continue };
+        for output in node.outputs.iter().filter(|output| output.kind.is_linear()) {
+            let number = device.senses.iter().position(|channel| channel.name == output.name);
+            let Some(number) = number else { continue };
+            let name = device.senses[number].name;
+            let is_known =
+                |known: &InputPad| known.pad.endpoint == device.name && known.pad.channels[0].0 == name;
+            if inputs.iter().any(is_known) {
+                continue;
+            }
+            let mut frame = [0.0; 6];
+            device.device().clone_box().read(number, &mut frame[..output.kind.width()]);
+            let first = frame.into_iter().fold(0.0, |far: f64, x| far.max(x.abs()));
+            let range = device.device().range(number).filter(|[from, to]| from != to);
+            let [from, to] = range.unwrap_or_else(|| usual(output.quantity, first));
+            let range = [from.min(to), from.max(to)];
+            let channels = vec![(name, Gives::Numbers(range))];
+            let (endpoint, size_mm) = (device.name.clone(), (2.0 * REACH_MM, 2.0 * REACH_MM));
+            let port = format!("{}.{}", node.path, output.name);
+            inputs.push(InputPad { pad: PadSpec { endpoint, channels, on: None, size_mm }, port, range });
+        }
+    }
+    inputs
+}
+
+/// The range of an input whose device has none and begins as far as `first` from zero.
+fn usual(quantity: Quantity, first: f64) -> [f64; 2] {
+    let range = match quantity {
+        Quantity::NUMBER => [0.0, 1.0],
+        Quantity::FREQUENCY => [20.0, 500.0],
+        Quantity::LENGTH => [-0.1, 0.1],
+        Quantity::ANGLE => [-PI, PI],
+        Quantity::SPEED => [-0.5, 0.5],
+        Quantity::ACCELERATION => [-20.0, 20.0],
+        Quantity::FORCE => [-10.0, 10.0],
+        _ => [-1.0, 1.0],
+    };
+    if first > range[1] { [-2.0 * first, 2.0 * first] } else { range }
+}
+
+/// Divides the endpoints of a hosted graph into pads and others, with whether these are one number as a fader's; an endpoint for which `stays` is true is not a pad.
 /// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
 /// only if needed.
 pub(crate) fn sort(
     hosted: &Graph,
     stays: impl Fn(&str) -> bool,
     simulated: impl FnOnce() -> Option<Graph>,
-) -> (Vec<PadSpec>, Vec<NoPad>) {
+) -> (Vec<PadSpec>, Vec<(String, bool)>) {
     let (mut pads, mut others) = (Vec::new(), Vec::new());
     let mut touched = None;
     let mut simulated = Some(simulated);
     for (endpoint, channels) in endpoints(hosted) {
         if stays(&endpoint) {
-            let lacks = Vec::new();
-            others.push(NoPad { endpoint, lacks });
+            others.push((endpoint, false));
             continue;
         }
         let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
@@ -98,9 +153,7 @@ pub(crate) fn sort(
             pads.push(PadSpec { endpoint, channels, on, size_mm });
             continue;
         }
-        let lacks = channels.iter().filter(|channel| given(channel).is_none());
-        let lacks: Vec<&'static str> = lacks.map(|(name, _)| *name).collect();
-        let on = lacks.is_empty().then(|| {
+        let on = (known.len() == channels.len()).then(|| {
             let graph = touched.get_or_insert_with(|| simulated.take().and_then(|load| load()));
             let mut devices = graph.iter().flat_map(|graph| graph.devices());
             let device = devices.find(|device| device.name == endpoint)?;
@@ -108,7 +161,7 @@ pub(crate) fn sort(
         });
         match on.flatten() {
             Some(on) => pads.push(laid_on(endpoint, known, on)),
-            None => others.push(NoPad { endpoint, lacks }),
+            None => others.push((endpoint, channels == [("value", Kind::SCALAR)])),
         }
     }
     (pads, others)
@@ -167,12 +220,9 @@ impl Touch {
         }
     }
 
-    /// Fills a frame of a channel; returns the number of components.
-    pub(crate) fn put(&self, gives: Gives, frame: &mut [f64; 6]) -> usize {
-        let put = |frame: &mut [f64; 6], numbers: &[f64]| {
-            frame[..numbers.len()].copy_from_slice(numbers);
-            numbers.len()
-        };
+    /// Fills the first components of a frame of a channel.
+    pub(crate) fn put(&self, gives: Gives, frame: &mut [f64; 6]) {
+        let put = |frame: &mut [f64; 6], numbers: &[f64]| frame[..numbers.len()].copy_from_slice(numbers);
         match gives {
             Gives::Tip => put(frame, &self.tip_m),
             Gives::Velocity => put(frame, &self.velocity_m_s),
@@ -183,7 +233,13 @@ impl Touch {
             Gives::Wrench => {
                 let force_n = scale(self.normal, -self.force_n);
                 let ([x, y, z], [a, b, c]) = (force_n, cross(self.tip_m, force_n));
-                put(frame, &[x, y, z, a, b, c])
+                put(frame, &[x, y, z, a, b, c]);
+            }
+            Gives::Numbers([low, high]) => {
+                let [x, y, _] = self.tip_m.map(|part| part / REACH_M);
+                let parts =
+                    [x, y, self.tilt_rad[0] / FRAC_PI_2].map(|part| (0.5 * (part + 1.0)).clamp(0.0, 1.0));
+                put(frame, &parts.map(|part| (low + part * (high - low)).clamp(low, high)));
             }
         }
     }
@@ -226,8 +282,8 @@ mod tests {
 
     fn filled(touch: &Touch, gives: Gives) -> Vec<f64> {
         let mut frame = [f64::NAN; 6];
-        let count = touch.put(gives, &mut frame);
-        frame[..count].to_vec()
+        touch.put(gives, &mut frame);
+        frame.into_iter().take_while(|x| !x.is_nan()).collect()
     }
 
     #[test]

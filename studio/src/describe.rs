@@ -1,6 +1,6 @@
 //! Descriptions of the node kinds and of the running graph for the page.
 
-use super::channels::{NoPad, PadSpec};
+use super::channels::{InputPad, PadSpec};
 use super::fed;
 use super::levels;
 use super::pads::FULL_N;
@@ -162,7 +162,8 @@ fn shown(stage: &Stage) -> Value {
         "drawing": drawing::standalone_svg(graph, &name),
         "overview": drawing::overview_svg(graph, &name),
         "pads": stage.loaded.pads.iter().map(pad).collect::<Vec<_>>(),
-        "others": stage.loaded.others.iter().map(no_pad).collect::<Vec<_>>(),
+        "inputs": stage.loaded.inputs.iter().map(input).collect::<Vec<_>>(),
+        "others": stage.loaded.others,
         "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
         "levels": levels::described(&ports),
         "settings": settings(stage),
@@ -186,8 +187,9 @@ fn pad(pad: &PadSpec) -> Value {
     })
 }
 
-fn no_pad(other: &NoPad) -> Value {
-    json!({ "endpoint": other.endpoint, "lacks": other.lacks })
+fn input(input: &InputPad) -> Value {
+    let InputPad { pad, port, range: [min, max] } = input;
+    json!({ "endpoint": pad.endpoint, "channel": pad.channels[0].0, "port": port, "min": min, "max": max })
 }
 
 fn port(port: &Port) -> Value {
@@ -235,7 +237,7 @@ fn parameters(stage: &Stage) -> Vec<Value> {
             "name": name, "value": value, "default": default, "is_surface": is_surface(name, value),
             "unit": symbol(spec.and_then(|spec| spec.unit.as_ref())), "doc": spec.map_or("", |spec| &spec.doc),
             "min": range.map(|range| range.0), "max": range.map(|range| range.1),
-            "whole": spec.is_some_and(|spec| spec.whole),
+            "whole": spec.is_some_and(|spec| spec.whole), "choices": spec.map(fed::choices).unwrap_or_default(),
         })
     });
     each.collect()

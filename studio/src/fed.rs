@@ -5,7 +5,8 @@ use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use std::collections::HashMap;
 
-/// The setting of each parameter that is used once in a graph's own text, as the value of a setting.
+/// The setting of each parameter that is used once in a graph's own text, as the value of a setting; or that is used for
+/// the same choices everywhere.
 pub(crate) fn settings(text: &str, registry: &Registry) -> HashMap<String, SettingSpec> {
     let Ok(graph) = Value::parse(text) else {
         return HashMap::new();
@@ -13,8 +14,18 @@ pub(crate) fn settings(text: &str, registry: &Registry) -> HashMap<String, Setti
     let mut uses = Uses { registry, found: HashMap::new() };
     uses.walk(&graph, None);
     let once = uses.found.into_iter();
-    let once = once.filter_map(|(name, (count, spec))| spec.filter(|_| count == 1).map(|spec| (name, spec)));
+    let once = once.filter_map(|(name, (count, spec))| {
+        Some((name, spec.filter(|spec| count == 1 || !choices(spec).is_empty())?))
+    });
     once.collect()
+}
+
+/// The choices of a setting that has no more to say than which.
+pub(crate) fn choices(spec: &SettingSpec) -> Vec<&str> {
+    match spec.parts.iter().all(|part| part.fields.is_empty()) {
+        true => spec.parts.iter().filter_map(|part| part.choice).collect(),
+        false => Vec::new(),
+    }
 }
 
 struct Uses<'a> {
@@ -77,9 +88,11 @@ impl Uses<'_> {
     }
 
     fn add(&mut self, parameter: &str, spec: Option<&SettingSpec>) {
-        let (count, last) = self.found.entry(parameter.to_owned()).or_default();
+        let (count, known) = self.found.entry(parameter.to_owned()).or_default();
         *count += 1;
-        *last = spec.cloned();
+        if *count == 1 || known.as_ref().map(choices) != spec.map(choices) {
+            *known = spec.filter(|_| *count == 1).cloned();
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Loading of a graph whose tablets are replaced by pads.
 
-use super::channels::{self, NoPad, PadSpec};
+use super::channels::{self, InputPad, PadSpec};
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check, declared_devices};
@@ -36,8 +36,10 @@ pub(crate) struct Loaded {
     pub text: String,
     /// The endpoints represented by pointers.
     pub pads: Vec<PadSpec>,
-    /// The endpoints that nodes read and that no pointer can represent.
-    pub others: Vec<NoPad>,
+    /// The channels of other endpoints that pages can move.
+    pub inputs: Vec<InputPad>,
+    /// The endpoints that nodes read and that no page can move.
+    pub others: Vec<String>,
     /// Names, values and defaults, as RON.
     pub parameters: Vec<(String, String, String)>,
 }
@@ -106,13 +108,19 @@ impl Source {
             .map(|device| device.endpoint)
             .collect();
         // What drives a hand that is real cannot drive a pointer.
-        let stays = |endpoint: &str| {
-            real.iter().any(|real| real == endpoint)
-                && hosted.driven_devices().any(|driven| driven.name == endpoint)
-        };
+        let is_real = |endpoint: &str| real.iter().any(|real| real == endpoint);
+        let is_driven = |endpoint: &str| hosted.driven_devices().any(|driven| driven.name == endpoint);
+        let stays = |endpoint: &str| is_real(endpoint) && is_driven(endpoint);
         let (pads, others) =
             channels::sort(&hosted, stays, || check(&document, &self.registry, &options).ok());
+        // What an actuator answers is not moved.
+        let is_lent = |(endpoint, is_number): &(String, bool)| {
+            !is_driven(endpoint) && (!is_real(endpoint) || *is_number)
+        };
+        let (lent, others): (Vec<_>, Vec<_>) = others.into_iter().partition(is_lent);
+        let others = others.into_iter().map(|(endpoint, _)| endpoint).collect();
         options.hosted = Hosted::Also(pads.iter().map(|pad| pad.endpoint.clone()).collect());
+        options.lent = lent.into_iter().map(|(endpoint, _)| endpoint).collect();
         let value = |name: &str, default: &str| {
             let set = self.set.iter().rev().find(|(known, _)| known == name);
             set.map_or_else(|| default.to_owned(), |(_, value)| value.clone())
@@ -122,7 +130,8 @@ impl Source {
             parameters.map(|(name, default)| (name.to_owned(), value(name, default), default.to_owned()));
         let parameters = parameters.collect();
         let graph = check(&document, &self.registry, &options)?;
-        Ok(Loaded { graph, text: text.to_owned(), pads, others, parameters })
+        let inputs = channels::inputs(&graph, &options.lent);
+        Ok(Loaded { graph, text: text.to_owned(), pads, inputs, others, parameters })
     }
 
     /// Options to check a document, with those of the parameters that it has.

@@ -19,8 +19,6 @@ impl PadSpec {
 pub(crate) const FULL_N: f64 = 3.0;
 /// Gap between pointer events above which the hand is assumed to have been elsewhere, s.
 pub(crate) const MAX_APART_S: f64 = 0.06;
-/// Smallest interpolation step between two pointer events, s.
-const LEAST_STEP_S: f64 = 1e-3;
 /// Height of the tip over a surface while its pointer is lifted, m.
 const LIFTED_M: f64 = 1e-3;
 /// Maximum speed of the tip down to and into the surface, m/s, since a pointer touches down instantly.
@@ -32,7 +30,8 @@ pub(crate) struct Pad {
     channels: Vec<(AnyInput, Gives)>,
     /// The surface that the pad lies on.
     on: Option<Touchable>,
-    step_s: f64,
+    /// Period of the ticks that read it.
+    period_s: f64,
     /// Time and state of the last pointer event.
     latest: (f64, Option<Pointer>),
     /// Time, touch and height over the surface, m, of the last values sent.
@@ -51,10 +50,15 @@ impl Pad {
         Ok(Self {
             channels,
             on: spec.on.clone(),
-            step_s: period_s.max(LEAST_STEP_S),
+            period_s,
             latest: (0.0, None),
             given: (0.0, Touch::default(), LIFTED_M),
         })
+    }
+
+    /// The latest pointer if it is down.
+    pub(crate) fn held(&self) -> Option<Pointer> {
+        self.latest.1.filter(|pointer| pointer.force_n > 0.0)
     }
 
     /// Force of the latest pointer, N.
@@ -62,12 +66,22 @@ impl Pad {
         self.latest.1.map_or(0.0, |pointer| pointer.force_n)
     }
 
+    /// True if it is the pad of these channels.
+    pub(crate) fn is_of(&self, spec: &PadSpec) -> bool {
+        let is_of = |(input, _): &(AnyInput, Gives)| {
+            let (name, (known, _)) = (input.name(), &spec.channels[0]);
+            name.strip_suffix(known).and_then(|name| name.strip_suffix('.')) == Some(&*spec.endpoint)
+        };
+        self.channels.first().is_some_and(is_of)
+    }
+
     /// Moves the pad to the same endpoint of another graph.
     pub(crate) fn lay_on(&mut self, spec: &PadSpec) {
         self.on.clone_from(&spec.on);
     }
 
-    /// Adds a pointer event at a time of the run, s, and interpolates linearly from the previous one.
+    /// Adds a pointer event at a time of the run, s. The ticks since the previous one get what lies on the line between both
+    /// at their time.
     pub(crate) fn move_to(&mut self, at_s: f64, pointer: &Pointer) {
         let (from_s, from) = self.latest;
         let at_s = at_s.max(from_s);
@@ -75,10 +89,10 @@ impl Pad {
         if let Some(from) =
             from.filter(|from| from.force_n > 0.0 && pointer.force_n > 0.0 && apart_s < MAX_APART_S)
         {
-            let steps = (apart_s / self.step_s) as u32;
-            for step in 1..=steps {
-                let part = f64::from(step) / f64::from(steps + 1);
-                self.put(from_s + part * apart_s, &from.towards(pointer, part));
+            let first = (from_s / self.period_s).floor() as u64 + 1;
+            for tick in first..(at_s / self.period_s).ceil() as u64 {
+                let time_s = tick as f64 * self.period_s;
+                self.put(time_s, &from.towards(pointer, (time_s - from_s) / apart_s));
             }
         }
         self.put(at_s, pointer);
@@ -99,9 +113,12 @@ impl Pad {
         }
         for (input, gives) in &mut self.channels {
             let mut frame = [0.0; 6];
-            let count = touch.put(*gives, &mut frame);
+            touch.put(*gives, &mut frame);
             // A full queue belongs to a run that no longer advances: nothing is lost.
-            let _ = input.set_at(at_s, &frame[..count]);
+            let _ = match (*gives, pointer.force_n > 0.0) {
+                (Gives::Numbers(_), false) => input.release_at(at_s),
+                _ => input.set_at(at_s, &frame[..input.kind().width()]),
+            };
         }
         self.given = (at_s, touch, above_m);
     }

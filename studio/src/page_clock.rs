@@ -6,6 +6,8 @@ use super::pads::MAX_APART_S;
 const MARGIN_S: (f64, f64) = (0.002, 0.03);
 /// Time constant in which jitter is forgotten, s.
 const FORGET_S: f64 = 1.0;
+/// Largest time by which planned events are sent ahead, s.
+const MAX_AHEAD_S: f64 = 0.5;
 /// Maximum relative drift of the two clocks.
 const DRIFT: f64 = 5e-4;
 
@@ -19,6 +21,8 @@ pub(crate) struct PageClock {
     /// Delay of pointers relative to the fastest, and their spacing, s.
     late_s: f64,
     apart_s: f64,
+    /// Offset of planned events.
+    planned: Option<f64>,
 }
 
 impl PageClock {
@@ -42,6 +46,12 @@ impl PageClock {
         }
         self.latest = (at_s, now_s);
         at_s + fastest + (self.late_s + self.apart_s).clamp(MARGIN_S.0, MARGIN_S.1)
+    }
+
+    /// The same for an event of a plan, which is sent ahead of its time: all keep their distances.
+    pub(crate) fn planned_s(&mut self, at_s: f64, now_s: f64) -> f64 {
+        let in_time = |offset: &f64| (now_s..now_s + MAX_AHEAD_S).contains(&(at_s + offset));
+        at_s + *self.planned.insert(self.planned.filter(in_time).unwrap_or(now_s - at_s))
     }
 }
 
@@ -67,6 +77,20 @@ mod tests {
         assert!(due.iter().enumerate().skip(200).all(in_time));
         let latency_s = due[399] - 399.0 * 0.004;
         assert!((0.001..0.025).contains(&latency_s), "{latency_s}");
+    }
+
+    #[test]
+    fn planned_events_keep_their_distances_however_late_their_messages_are() {
+        let mut clock = PageClock::default();
+        // Every 4 ms, sent 100 ms ahead, in messages that take up to 60 ms.
+        let due = |k: u32, clock: &mut PageClock| {
+            let sent_s = (f64::from(k) * 0.004 - 0.1).max(0.0);
+            clock.planned_s(50.0 + f64::from(k) * 0.004, sent_s + f64::from(k % 16) * 0.004)
+        };
+        let due: Vec<f64> = (0..400).map(|k| due(k, &mut clock)).collect();
+        assert!(due.windows(2).all(|pair| (pair[1] - pair[0] - 0.004).abs() < 1e-12));
+        // Where none came in time, the plan goes on from now.
+        assert_eq!(clock.planned_s(60.0, 30.0), 30.0);
     }
 
     #[test]

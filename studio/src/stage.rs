@@ -23,6 +23,7 @@ use super::pointer::Pointer;
 use super::record::{Move, Recorder, Recording};
 use super::run_cycle::{RunCycle, State};
 use super::scope::Scope;
+use super::wire::Pointers;
 use haptograph_engine::run::Session;
 use haptograph_live::BackendEvent;
 use serde_json::{Value, json};
@@ -62,6 +63,8 @@ pub(crate) struct Stage {
 #[derive(Default)]
 pub(crate) struct Signals {
     pub pads: Vec<Pad>,
+    /// Of single channels, numbered after the pads.
+    pub inputs: Vec<Pad>,
     pub scopes: Vec<Scope>,
     pub costs: Costs,
     pub actuators: Vec<Actuator>,
@@ -72,6 +75,13 @@ pub(crate) struct Signals {
     pub latencies_s: Vec<f64>,
     /// Rate of the driver, Hz.
     pub rate_hz: f64,
+}
+
+impl Signals {
+    /// The pad or input with this number.
+    pub(crate) fn pad_mut(&mut self, number: usize) -> Option<&mut Pad> {
+        self.pads.iter_mut().chain(&mut self.inputs).nth(number)
+    }
 }
 
 impl Stage {
@@ -193,30 +203,56 @@ impl Stage {
         values.iter().map(move |value| value / peak)
     }
 
-    /// Applies pointer events of a page to a pad; ignored for pages that do not own the pads, and during a
+    /// Applies pointer events of a page to a pad or input; ignored for pages that do not own the pads, and during a
     /// replay.
-    pub(crate) fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
+    pub(crate) fn point(&mut self, page: u64, pointers: &Pointers) {
+        let number = pointers.number;
         if self.pages.owner != Some(page) || self.cycle.replay.is_some() || !self.study_feels() {
             return;
         }
-        let (frame, now_s) = (self.frames(), self.now_s());
-        let page = self.pages.list.iter_mut().find(|known| known.id == page);
-        let (Some(page), Some(pad)) = (page, self.signals.pads.get_mut(number)) else {
+        // The participant of a study moves pads alone.
+        if self.pages.study.is_some() && number >= self.signals.pads.len() {
             return;
-        };
-        for point in points {
-            let due_s = page.clock.due_s(point.at_s, now_s);
-            // The recorded event is the one that is applied.
-            let made = Move::new(frame, number, due_s, point);
-            let (due_s, point) = made.pointer();
-            pad.move_to(due_s, &point);
-            self.signals.latencies_s.push((due_s - now_s).max(0.0));
-            if let Some(recording) = &mut self.recorder.recording {
-                recording.moves.push(made);
+        }
+        let now_s = self.now_s();
+        for point in &pointers.points {
+            let page = self.pages.list.iter_mut().find(|known| known.id == page);
+            let Some(page) = page else { return };
+            let due_s = match pointers.are_planned {
+                true => page.clock.planned_s(point.at_s, now_s),
+                false => page.clock.due_s(point.at_s, now_s),
+            };
+            if !pointers.are_planned {
+                self.signals.latencies_s.push((due_s - now_s).max(0.0));
             }
+            self.make(number, due_s, point);
         }
         let most = self.signals.latencies_s.len().saturating_sub(1000);
         self.signals.latencies_s.drain(..most);
+    }
+
+    /// Applies a pointer event that is due at a time of the run to a pad or input, and records it.
+    fn make(&mut self, number: usize, due_s: f64, point: &Pointer) {
+        // The recorded event is the one that is applied.
+        let made = Move::new(self.frames(), number, due_s, point);
+        let Some(pad) = self.signals.pad_mut(number) else { return };
+        let (due_s, point) = made.pointer();
+        pad.move_to(due_s, &point);
+        if let Some(recording) = &mut self.recorder.recording {
+            recording.moves.push(made);
+        }
+    }
+
+    /// Gives the inputs that a page holds back to their devices.
+    pub(crate) fn release_inputs(&mut self) {
+        if self.cycle.replay.is_some() {
+            return;
+        }
+        for number in 0..self.signals.inputs.len() {
+            if let Some(held) = self.signals.inputs[number].held() {
+                self.make(self.signals.pads.len() + number, self.now_s(), &Pointer { force_n: 0.0, ..held });
+            }
+        }
     }
 
     /// Statistics of the delays from pointer arrival to tick since the last call.

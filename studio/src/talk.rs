@@ -5,10 +5,9 @@ use super::error::StageError;
 use super::learn::Dropped;
 use super::load::{Loaded, Source};
 use super::pages::{Line, Reach};
-use super::pointer::Pointer;
 use super::stage::Stage;
 use super::wire::text;
-use super::wire::{self, ClientMessage, Message, WireError};
+use super::wire::{self, ClientMessage, Message, Pointers, WireError};
 use haptograph_engine::diagnostic::{Diagnostics, to_json};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -51,8 +50,7 @@ impl Work {
 
 /// A parsed message.
 pub(crate) enum Incoming {
-    /// Pointers on the pad with this number.
-    Pointers(usize, Vec<Pointer>),
+    Pointers(Pointers),
     /// A JSON message; `None` if its type is unknown.
     Json(Option<ClientMessage>),
 }
@@ -75,7 +73,7 @@ pub(crate) fn hear(stage: &mut Stage, page: u64, message: &Message) -> Response 
 /// Parses a message, which takes a while for a long one.
 pub(crate) fn read(message: &Message) -> Result<Incoming, WireError> {
     match message {
-        Message::Binary(bytes) => wire::pointers(bytes).map(|(pad, points)| Incoming::Pointers(pad, points)),
+        Message::Binary(bytes) => wire::pointers(bytes).map(Incoming::Pointers),
         Message::Text(message) => wire::parse_text(message).map(Incoming::Json),
     }
 }
@@ -89,8 +87,8 @@ pub(crate) fn disarms(incoming: &Result<Incoming, WireError>) -> bool {
 /// Handles a parsed message, except for work that takes long.
 pub(crate) fn act_on(stage: &mut Stage, page: u64, incoming: Result<Incoming, WireError>) -> Response {
     match incoming {
-        Ok(Incoming::Pointers(pad, points)) => {
-            stage.point(page, pad, &points);
+        Ok(Incoming::Pointers(pointers)) => {
+            stage.point(page, &pointers);
             Response::None
         }
         Ok(Incoming::Json(Some(message))) => act(stage, page, message),

@@ -231,8 +231,17 @@ pub(crate) fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError>
     serde_json::from_str(text).map(Some).map_err(wrong)
 }
 
-/// Parses a list of pointers and the number of their pad.
-pub(crate) fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
+/// Pointers on a pad or input.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Pointers {
+    pub number: usize,
+    /// True if they are sent ahead of their times, which are exact.
+    pub are_planned: bool,
+    pub points: Vec<Pointer>,
+}
+
+/// Parses a list of pointers.
+pub(crate) fn pointers(bytes: &[u8]) -> Result<Pointers, WireError> {
     let wrong = || WireError::Binary(bytes.len());
     let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(wrong)?;
     let count = usize::from(u16::from_le_bytes([head[2], head[3]]));
@@ -241,7 +250,7 @@ pub(crate) fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError>
     }
     let points = body.chunks_exact(POINTER).map(pointer);
     let points = points.collect::<Option<Vec<_>>>().ok_or(WireError::Pointer)?;
-    Ok((usize::from(head[1]), points))
+    Ok(Pointers { number: usize::from(head[1]), are_planned: head[4] == 1, points })
 }
 
 fn pointer(bytes: &[u8]) -> Option<Pointer> {
@@ -291,10 +300,12 @@ mod tests {
 
     #[test]
     fn pointers_are_read_in_si_units() {
-        let (pad, points) =
-            pointers(&message(1, &[(1500.0, [10.0, -20.0, 1.5, 30.0, -45.0])])).expect("right");
+        let mut bytes = message(1, &[(1500.0, [10.0, -20.0, 1.5, 30.0, -45.0])]);
+        assert!(!pointers(&bytes).expect("right").are_planned);
+        bytes[4] = 1;
+        let Pointers { number, are_planned, points } = pointers(&bytes).expect("right");
         let [point] = points[..] else { panic!("one") };
-        assert_eq!((pad, point.at_s, point.force_n), (1, 1.5, 1.5));
+        assert_eq!((number, are_planned, point.at_s, point.force_n), (1, true, 1.5, 1.5));
         assert_eq!(point.tilt_deg, [30.0, -45.0]);
         assert!((point.position_m[0] - 0.01).abs() < 1e-9 && (point.position_m[1] + 0.02).abs() < 1e-9);
     }

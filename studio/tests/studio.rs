@@ -905,3 +905,65 @@ fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
     let surfaces = std::fs::read_dir(folder.path().join("surfaces")).expect("a folder");
     assert_eq!(surfaces.count(), 2, "nothing was learned");
 }
+
+const FADER: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) }, nodes: {
+    "level": LiveInput(clock: "servo", endpoint: "level", quantity: "current"),
+    "out": ActuatorSink(current: "level", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+}, endpoints: { "simulated": { "level": SimulatedInput(to: [0, 0.5], period_s: 0.5), "coil": SimulatedHaptuator() } })"#;
+
+/// Samples of the first scope that come within `PATIENCE`, until one is as wanted.
+fn comes(page: &mut Page, is_wanted: impl Fn(f32) -> bool) -> bool {
+    let asked = Instant::now();
+    while asked.elapsed() < PATIENCE {
+        if let Message::Binary(bytes) = page.socket.read().expect("it goes on")
+            && bytes[0] == 2
+            && bytes[24..]
+                .chunks_exact(4)
+                .any(|four| is_wanted(f32::from_le_bytes(four.try_into().expect("four"))))
+        {
+            return true;
+        }
+    }
+    false
+}
+
+#[test]
+fn a_page_moves_a_fader_hands_it_back_and_replays_both() {
+    let out = tempfile::tempdir().expect("a folder");
+    let path = out.path().join("fader.ron");
+    std::fs::write(&path, FADER).expect("written");
+    let studio = open_with(&path, out.path());
+    let mut page = Page::of(&studio);
+    let input =
+        json!({ "endpoint": "level", "channel": "value", "port": "level.value", "min": 0.0, "max": 0.5 });
+    assert_eq!((&page.graph["inputs"], &page.graph["others"]), (&json!([input]), &json!([])));
+    page.say(&json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }));
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "graph");
+    // The graph's own: up to half an ampere. Then circles of 30 of 100 mm about the middle; then the graph's own again.
+    assert!(comes(&mut page, |current| current > 0.49));
+    let mut felt = page.stroke(200.0, 1.0, 1.5);
+    let held = &felt[felt.len() / 2..];
+    assert!(held.iter().all(|current| (0.17..0.33).contains(current)), "{held:?}");
+    page.point(0.0, 0.0, 0.0);
+    assert!(comes(&mut page, |current| current > 0.49));
+    // What is held falls silent.
+    page.point(0.0, 0.0, 1.0);
+    assert!(comes(&mut page, |current| current == 0.0));
+    page.say(&json!({ "type": "record", "on": false }));
+    let kept = page.wait(|said| said["type"] == "recording")["recording"].clone();
+    page.wait(|said| said["type"] == "status" && said["recording_s"].is_null() && said["state"] == "running");
+    let mut runs = (0..2).map(|_| {
+        page.say(&json!({ "type": "replay", "request": 0, "recording": kept }));
+        page.wait(|said| said["type"] == "graph");
+        let frames = kept["frames"].as_f64().expect("a number");
+        let run = page.stroke(0.0, 0.0, frames / 1e3);
+        page.wait(|said| said["type"] == "status" && said["replay"].is_null() && said["state"] == "running");
+        run
+    });
+    let (one, other) = (runs.next().expect("a run"), runs.next().expect("a run"));
+    assert!(one.iter().zip(&other).all(|(a, b)| a == b), "two replays differ");
+    // What was felt is in it, bit for bit.
+    felt.drain(..felt.len() / 2);
+    assert!(one.windows(felt.len()).any(|part| part == felt), "it is not what was felt");
+}

@@ -12,12 +12,13 @@ import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
 import { Hands, tiltOf } from "../page/hands.js";
 import { completions, helpOf } from "../page/help.js";
+import { GESTURES, Stroke } from "../page/gestures.js";
 import { GRAPH } from "../page/keys.js";
 import { guessed, headOf } from "../page/mapping.js";
 import { Levels } from "../page/levels.js";
 import { locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
-import { simulatedAlone } from "../page/pads.js";
+import { unmoved } from "../page/pads.js";
 import { placeOf } from "../page/ron.js";
 import { zip } from "../page/study-store.js";
 import { Trace } from "../page/trace.js";
@@ -403,18 +404,11 @@ test("a node shows its part of the cost and what happened there, and for how lon
     assert.equal(levels.node("out/other", 4200).mark, null);
 });
 
-test("endpoints that no pointer can be are named, with what a pad does not give them", () => {
-    const others = [
-        { endpoint: "tool", lacks: ["acceleration"] },
-        { endpoint: "probe", lacks: [] },
-    ];
-    assert.deepEqual(simulatedAlone({ others }), [
-        "tool stays simulated: a pad gives no acceleration.",
-        "probe stays simulated: what it touches is not known.",
-    ]);
-    assert.deepEqual(simulatedAlone(null), []);
+test("endpoints that nobody moves are named, with why", () => {
+    const others = ["coil", "probe"];
     const devices = [{ name: "probe", simulated: false }];
-    assert.deepEqual(simulatedAlone({ others: others.slice(1), devices }), ["probe is real: a hand moves it, not a pointer."]);
+    assert.deepEqual(unmoved({ others, devices }), ["coil answers what the graph drives.", "probe is real: a hand moves it, not a pointer."]);
+    assert.deepEqual(unmoved(null), []);
 });
 
 test("what is armed is what an actuator drives and is real, once each", () => {
@@ -580,6 +574,46 @@ test("each hand presses with the force of its own pad, and a pen keeps its force
     assert.deepEqual(sent, [[1, 2]]);
     hands.lift("pen");
     assert.equal(hands.fullForce("second pen"), 3);
+});
+
+test("a pad that nobody touches rests beside one that is touched, and an input is held until it is handed back", (t) => {
+    const pad = { force_n: 3, width_mm: 100, height_mm: 60 };
+    const level = { endpoint: "level", channel: "value" };
+    const { hands, sent } = handsOn(t, [pad, pad]);
+    hands.setPads([pad, pad], [level]);
+    assert.deepEqual(hands.free().map(({ number, isInput }) => [number, isInput]), [[0, false], [1, false], [2, true]]);
+    hands.press(1, { pad: 1, x_mm: 0, y_mm: 0, force_n: 1, tilt_x_deg: 0, tilt_y_deg: 0, time_ms: performance.now() });
+    t.mock.timers.tick(10);
+    assert.deepEqual(sent, [[1, 1], [0, 0]]);
+    hands.lift(1);
+    sent.length = 0;
+    assert(hands.hold(level, [0.75]));
+    hands.liftAll();
+    assert(hands.holds(level));
+    hands.setPads([pad], [level]);
+    hands.release(level);
+    assert.deepEqual(sent, [[2, 1], [1, 0]]); // by its number then
+    hands.allowed = () => false;
+    assert.equal(hands.hold(level, [0]), false);
+});
+
+test("a gesture's samples stand at even times of their own, however late they are asked for", () => {
+    const pad = { force_n: 3, width_mm: 160, height_mm: 100 };
+    for (const gesture of Object.keys(GESTURES)) {
+        const hands = [{ number: 0, pad, isInput: false }, { number: 1, pad, isInput: true }];
+        const paths = [1, 2].map((number) => {
+            const stroke = new Stroke({ hands, gesture, force_n: 1 }, 1000);
+            const samples = [];
+            for (let now_ms = 1000; now_ms < 5000; now_ms += 7 * number + 40 * Math.abs(Math.sin(now_ms)))
+                samples.push(...(stroke.until(now_ms)[0]?.samples ?? []));
+            return samples;
+        });
+        const count = Math.min(...paths.map(({ length }) => length));
+        assert(count > 900);
+        assert.deepEqual(paths[0].slice(0, count), paths[1].slice(0, count));
+        assert(paths[0].every(({ time_ms }, i) => time_ms === 1000 + 4 * i));
+        assert(paths[0].some(({ force_n }) => force_n > 0.5) && paths[0].every(({ x_mm, y_mm }) => Math.hypot(x_mm, y_mm) < 90));
+    }
 });
 
 test("a copy of a trace stays as it was", () => {

@@ -9,7 +9,7 @@ use super::devices::Device;
 use super::findings::Places;
 use super::memory::{self, Memory};
 use super::types::missing_quantities;
-use crate::device::{BuiltDevice, Channel};
+use crate::device::{BuiltDevice, Channel, DeviceEntry};
 use crate::diagnostic::Diagnostic;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, FileContext, MAX_BLOCK, Read, Stream};
@@ -306,6 +306,9 @@ fn body(
     let built = finish.zip(context).and_then(|(finish, context)| places.or_report(cx, finish(&context)));
     cx.explain(before, &device.uses);
     let mut built = built?;
+    if let Some(clock) = attachment.clock.filter(|_| device.is_lent) {
+        built.body = DeviceEntry::lent(built.body, clocks.list[clock].rate);
+    }
     built.body.connect(&attachment.senses, &attachment.drives);
     Some(built)
 }

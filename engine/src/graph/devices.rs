@@ -19,6 +19,8 @@ pub(super) struct Device {
     pub entry: DeviceEntry,
     pub fields: Fields,
     pub uses: Vec<(Span, Span)>,
+    /// True if the calling program may replace what it senses.
+    pub is_lent: bool,
 }
 
 /// The devices of the selected set.
@@ -88,7 +90,8 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, options: &
                 parameters.replace(cx, value, Place::Graph, &mut Vec::new());
                 Some(hosted(cx, &name.text, name.span))
             }
-            false => device(cx, parameters, name, value),
+            false => device(cx, parameters, name, value)
+                .map(|device| Device { is_lent: options.lent.contains(&name.text), ..device }),
         };
         let place = device.map(|device| {
             devices.list.push(device);
@@ -102,7 +105,14 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, options: &
 /// Makes an endpoint of the calling program.
 fn hosted(cx: &mut Context<'_>, name: &str, span: Span) -> Device {
     let fields = cx.fields(&Name { span, text: "Host".to_owned() }, Entries::default());
-    Device { name: name.to_owned(), span, entry: DeviceEntry::host(), fields, uses: Vec::new() }
+    Device {
+        name: name.to_owned(),
+        span,
+        entry: DeviceEntry::host(),
+        fields,
+        uses: Vec::new(),
+        is_lent: false,
+    }
 }
 
 fn device(cx: &mut Context<'_>, parameters: &mut Parameters, name: &Name, value: &Value) -> Option<Device> {
@@ -117,7 +127,7 @@ fn device(cx: &mut Context<'_>, parameters: &mut Parameters, name: &Name, value:
         return cx.fail(cx.suggest(diagnostic, &kind.text, known, "there are", none));
     };
     let fields = cx.fields(kind, entries);
-    Some(Device { name: name.text.clone(), span: name.span, entry, fields, uses })
+    Some(Device { name: name.text.clone(), span: name.span, entry, fields, uses, is_lent: false })
 }
 
 /// Finds the device of every node that needs one.

@@ -452,7 +452,11 @@ impl Graph {
     }
     /// The body of a device, for connecting the real device before the graph runs; `None` if it has another type.
     pub fn body_mut<D: Device + 'static>(&mut self, device: usize) -> Option<&mut D> {
-        self.devices.get_mut(device)?.device.as_any_mut().downcast_mut()
+        let body = &mut self.devices.get_mut(device)?.device;
+        match body.body().is_some() {
+            true => body.body_mut()?.as_any_mut().downcast_mut(),
+            false => body.as_any_mut().downcast_mut(),
+        }
     }
     /// The files it was read from.
     pub fn sources(&self) -> &Sources {
@@ -472,7 +476,7 @@ impl GraphDevice {
 
     /// The body in its initial state, if it has this type.
     pub fn body<D: Device + 'static>(&self) -> Option<&D> {
-        self.device.as_any().downcast_ref()
+        self.device.body().unwrap_or(&*self.device).as_any().downcast_ref()
     }
 
     /// The settings, if it is of this kind.

@@ -19,6 +19,8 @@ pub struct CheckOptions {
     pub endpoints: String,
     /// The endpoints that belong to the calling program, whatever the set declares.
     pub hosted: Hosted,
+    /// Endpoints whose values the calling program may replace while the graph runs; their devices go on meanwhile.
+    pub lent: Vec<String>,
     /// Seed that replaces the graph's.
     pub seed: Option<u64>,
 }
@@ -82,6 +84,7 @@ impl Default for CheckOptions {
             set_as: "parameter",
             endpoints: "simulated".into(),
             hosted: Hosted::AsWritten,
+            lent: Vec::new(),
             seed: None,
         }
     }

@@ -10,6 +10,9 @@ use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+/// Largest width of a channel that is lent.
+const MAX_WIDTH: usize = 6;
+
 /// Handle of a channel that nodes read, of any kind.
 #[derive(Debug)]
 pub struct AnyInput {
@@ -88,12 +91,26 @@ impl AnyInput {
     /// # Errors
     /// [`Full`] if it cannot be queued.
     pub fn set_at(&mut self, seconds: f64, components: &[f64]) -> Result<(), Full> {
+        self.put(self.due_at(seconds)?, components)
+    }
+
+    fn due_at(&self, seconds: f64) -> Result<Due, Full> {
         if !seconds.is_finite() {
             return Err(Full::NotFinite);
         }
         // A time on a tick belongs to that tick, despite rounding.
         let tick = (seconds.max(0.0) * self.about.rate.hz() - 1e-6).ceil().max(0.0);
-        self.put(Due::Tick(tick as u64), components)
+        Ok(Due::Tick(tick as u64))
+    }
+
+    /// Gives a channel of a [lent](crate::graph::CheckOptions::lent) endpoint back to its device, from `seconds` of the run
+    /// on. Real-time safe.
+    ///
+    /// # Errors
+    /// [`Full`] if it cannot be queued.
+    pub fn release_at(&mut self, seconds: f64) -> Result<(), Full> {
+        let components = [f64::NAN; MAX_WIDTH];
+        self.put_checked(self.due_at(seconds)?, &components[..self.about.kind.width().min(MAX_WIDTH)])
     }
 
     /// Queues the frame of the next tick that has none yet. Real-time safe.
@@ -111,6 +128,10 @@ impl AnyInput {
         if !components.iter().all(|component| component.is_finite()) {
             return Err(Full::NotFinite);
         }
+        self.put_checked(due, components)
+    }
+
+    fn put_checked(&mut self, due: Due, components: &[f64]) -> Result<(), Full> {
         match self.queue.0.put(due, components) {
             true => Ok(()),
             false => Err(Full::Full),

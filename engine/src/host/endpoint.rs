@@ -1,18 +1,23 @@
-//! The device of a host endpoint: it reads the caller's queues and queues driven frames for the caller.
+//! The device of a host endpoint: it reads the caller's queues and queues driven frames for the caller. Of a lent endpoint
+//! it is laid over the device, whose values pass where the caller gives none.
 
 use super::queue::{Due, Queue};
-use crate::device::{Channel, Device, DeviceKind, DeviceSpec};
+use crate::device::{Channel, Device, DeviceKind, DeviceLatency, DeviceSpec};
+use crate::histogram::AgeMeter;
 use crate::node::{BuildContext, BuildError};
 use crate::silence::{InputCell, InputState, LiveInput, OnSilence};
 use haptograph_signal::time::Rate;
 use haptograph_signal::units::Milliseconds;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// Capacity of a queue, s.
 const QUEUE_S: f64 = 1.0;
 /// Smallest capacity of a queue, frames.
 const LEAST_FRAMES: usize = 1024;
+/// Time without a new value after which a lent endpoint that the program holds is silent, s.
+const LENT_TIMEOUT_S: f64 = 0.1;
 
 crate::settings! {
     /// An endpoint whose inputs the calling program writes and whose outputs it reads.
@@ -46,17 +51,8 @@ impl DeviceKind for Host {
             holds: settings.on_silence == OnSilence::Hold,
             timeout_s: settings.timeout_ms.si(),
         };
-        Ok(Box::new(HostEndpoint {
-            rate: cx.rate,
-            timeout_ticks: (input.timeout_s * cx.rate.hz()).ceil() as u64,
-            input,
-            senses: Vec::new(),
-            drives: Vec::new(),
-            tick: 0,
-            age: 0,
-            is_heard: false,
-            playing: Arc::default(),
-        }))
+        let timeout_s = input.timeout_s;
+        Ok(Box::new(HostEndpoint::new(input, timeout_s, cx.rate, None)))
     }
 }
 
@@ -68,7 +64,7 @@ pub(super) struct HostChannel {
 }
 
 /// The device of a host endpoint. Copies share their queues: only one of them runs.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(crate) struct HostEndpoint {
     pub(super) rate: Rate,
     timeout_ticks: u64,
@@ -82,9 +78,42 @@ pub(crate) struct HostEndpoint {
     is_heard: bool,
     /// True while a player runs it.
     pub(super) playing: Arc<AtomicBool>,
+    /// The device of a lent endpoint.
+    body: Option<Box<dyn Device>>,
+}
+
+/// True for the value of a channel that the device of a lent endpoint gives: no program queues NaN.
+fn is_of_body(value: &[f64]) -> bool {
+    value.first().is_some_and(|x| x.is_nan())
 }
 
 impl HostEndpoint {
+    fn new(input: LiveInput, timeout_s: f64, rate: Rate, body: Option<Box<dyn Device>>) -> Self {
+        Self {
+            rate,
+            timeout_ticks: (timeout_s * rate.hz()).ceil() as u64,
+            input,
+            senses: Vec::new(),
+            drives: Vec::new(),
+            tick: 0,
+            age: 0,
+            is_heard: false,
+            playing: Arc::default(),
+            body,
+        }
+    }
+
+    /// Lays an endpoint of the calling program over a device.
+    pub(crate) fn over(body: Box<dyn Device>, rate: Rate) -> Box<dyn Device> {
+        let own = || {
+            let cell = InputCell::default();
+            cell.set(InputState::Heard);
+            LiveInput { cell: Arc::new(cell), holds: false, timeout_s: LENT_TIMEOUT_S }
+        };
+        let input = body.live_input().unwrap_or_else(own);
+        Box::new(Self::new(input, LENT_TIMEOUT_S, rate, Some(body)))
+    }
+
     fn take(&mut self) {
         let mut came = false;
         for (sensed, value) in &mut self.senses {
@@ -92,8 +121,19 @@ impl HostEndpoint {
         }
         self.is_heard |= came;
         self.age = if came { 0 } else { self.age.saturating_add(1) };
+        let is_lent = self.body.is_some();
+        let is_taken = || self.senses.iter().any(|(_, value)| !is_of_body(value));
+        if is_lent && !is_taken() {
+            // A live device has set its own state.
+            if self.body.as_ref().is_some_and(|body| body.live_input().is_none()) {
+                self.input.cell.set(InputState::Heard);
+            }
+            return;
+        }
         self.input.cell.set(match () {
             () if !self.is_heard => InputState::Never,
+            // What the program holds ends with the program, whatever the device does.
+            () if self.age > self.timeout_ticks && is_lent && self.input.holds => InputState::Never,
             () if self.age > self.timeout_ticks => InputState::Silent,
             () => InputState::Heard,
         });
@@ -107,17 +147,25 @@ impl Device for HostEndpoint {
             channel: *channel,
             queue: Arc::new(Queue::new(channel.kind.width(), frames)),
         };
-        let sensed = |channel: &Channel| (queued(channel), channel.kind.neutral().collect());
+        let is_lent = self.body.is_some();
+        let first = |x: f64| if is_lent { f64::NAN } else { x };
+        let sensed = |channel: &Channel| (queued(channel), channel.kind.neutral().map(first).collect());
         self.senses = senses.iter().map(sensed).collect();
         self.drives = drives.iter().map(queued).collect();
     }
 
     fn advance(&mut self) {
         self.tick += 1;
+        if let Some(body) = &mut self.body {
+            body.advance();
+        }
         self.take();
     }
 
     fn begin(&mut self) {
+        if let Some(body) = &mut self.body {
+            body.begin();
+        }
         // `advance` is not called for tick 0: values queued before it are taken here.
         if !self.is_heard {
             self.take();
@@ -125,8 +173,12 @@ impl Device for HostEndpoint {
     }
 
     fn read(&mut self, channel: usize, frame: &mut [f64]) {
-        if let Some((_, value)) = self.senses.get(channel) {
-            frame.iter_mut().zip(value).for_each(|(component, value)| *component = *value);
+        let Some((_, value)) = self.senses.get(channel) else { return };
+        match &mut self.body {
+            Some(body) if is_of_body(value) => body.read(channel, frame),
+            // Released where there is no device: nothing.
+            _ if is_of_body(value) => frame.fill(0.0),
+            _ => frame.iter_mut().zip(value).for_each(|(component, value)| *component = *value),
         }
     }
 
@@ -140,5 +192,35 @@ impl Device for HostEndpoint {
 
     fn live_input(&self) -> Option<LiveInput> {
         (!self.senses.is_empty()).then(|| self.input.clone())
+    }
+
+    fn body(&self) -> Option<&dyn Device> {
+        self.body.as_deref()
+    }
+
+    fn body_mut(&mut self) -> Option<&mut (dyn Device + 'static)> {
+        self.body.as_deref_mut()
+    }
+
+    fn poll(&mut self, now: Instant) {
+        if let Some(body) = &mut self.body {
+            body.poll(now);
+        }
+    }
+
+    fn latency(&self) -> DeviceLatency {
+        self.body().map(Device::latency).unwrap_or_default()
+    }
+
+    fn group_delay_s(&self, channel: usize) -> f64 {
+        self.body().map_or(0.0, |body| body.group_delay_s(channel))
+    }
+
+    fn range(&self, channel: usize) -> Option<[f64; 2]> {
+        self.body()?.range(channel)
+    }
+
+    fn ages(&self) -> Option<Arc<AgeMeter>> {
+        self.body()?.ages()
     }
 }

@@ -153,6 +153,10 @@ impl Device for NumberInput {
 
     fn write(&mut self, _: usize, _: &[f64]) {}
 
+    fn range(&self, _: usize) -> Option<[f64; 2]> {
+        Some(self.mapping.to)
+    }
+
     fn poll(&mut self, now: Instant) {
         self.reader.woke = Some(now);
     }

@@ -53,6 +53,10 @@ impl Device for Moved {
         frame.fill(start + (far - start) * 0.5 * (1.0 - (TAU * turns).cos()));
     }
 
+    fn range(&self, _: usize) -> Option<[f64; 2]> {
+        Some(self.to)
+    }
+
     fn write(&mut self, _: usize, _: &[f64]) {}
 }
 

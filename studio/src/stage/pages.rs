@@ -27,7 +27,7 @@ impl Stage {
             }
             self.pages.owner = Some(id);
         } else if self.pages.study.is_none() {
-            self.pages.owner.get_or_insert(id);
+            self.give_to(self.pages.owner.unwrap_or(id));
         }
         id
     }
@@ -47,13 +47,17 @@ impl Stage {
             // A page of the network could not resume the run.
             let of_machine = self.pages.list.iter().find(|page| page.reach == Reach::Machine);
             self.pages.owner = of_machine.or(self.pages.list.first()).map(|page| page.id);
+            if self.pages.owner.is_some() {
+                self.release_inputs();
+            }
         }
     }
 
-    /// Makes another page the owner. Actuators that the previous owner armed are disarmed.
+    /// Makes another page the owner. Actuators that the previous owner armed are disarmed, and what it held is released.
     pub(crate) fn give_to(&mut self, page: u64) {
         if self.pages.owner.replace(page) != Some(page) {
             self.disarm();
+            self.release_inputs();
         }
     }
 

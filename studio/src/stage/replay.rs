@@ -54,7 +54,7 @@ impl Stage {
             match replay.next(frame) {
                 ReplayStep::Move(made) => {
                     let (due_s, pointer) = made.pointer();
-                    if let Some(pad) = self.signals.pads.get_mut(made.pad) {
+                    if let Some(pad) = self.signals.pad_mut(made.pad) {
                         pad.move_to(due_s, &pointer);
                     }
                 }

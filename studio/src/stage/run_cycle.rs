@@ -88,6 +88,8 @@ impl Stage {
         })?;
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.signals.pads = pads.collect::<Result<_, _>>().map_err(other)?;
+        let inputs = self.loaded.inputs.iter().map(|input| Pad::of(graph, &input.pad));
+        self.signals.inputs = inputs.collect::<Result<_, _>>().map_err(other)?;
         let scope = |port: Port| session.any_probe(&port.name).map(|frames| Scope::from_start(port, frames));
         let scopes = ports.into_iter().map(scope);
         self.signals.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
@@ -210,6 +212,7 @@ impl Stage {
         let failed = ended.is_none_or(|ended| ended.panicked);
         self.cycle.state = if failed { State::Failed } else { State::Stopped };
         self.signals.pads.clear();
+        self.signals.inputs.clear();
         self.signals.silent.clear();
         self.start_next_run();
     }

@@ -1,9 +1,11 @@
 //! The swap of the running graph for another.
 
 use super::super::actuators::{driven, has_real};
+use super::super::channels::InputPad;
 use super::super::clock::Clock;
 use super::super::error::{StageError, other};
 use super::super::load::{Loaded, Source};
+use super::super::pads::Pad;
 use super::super::scope::{self, Scope};
 use super::Stage;
 use haptograph_engine::graph::Graph;
@@ -46,6 +48,7 @@ impl Stage {
                 self.signals.scopes.extend(frames.map(|frames| Scope::of(port, frames)));
             }
         }
+        self.signals.inputs = self.inputs_of(&next)?;
         (self.loaded, self.source) = (next, source);
         // The new pads have the same channels.
         for (pad, spec) in self.signals.pads.iter_mut().zip(&self.loaded.pads) {
@@ -53,6 +56,24 @@ impl Stage {
         }
         self.describe_actuators();
         Ok(changed.change.to_string())
+    }
+
+    /// The inputs of a graph that took over: those of devices that went on are kept.
+    fn inputs_of(&mut self, next: &Loaded) -> Result<Vec<Pad>, StageError> {
+        let mut before = std::mem::take(&mut self.signals.inputs);
+        let device = |graph: &Graph, name: &str| {
+            let mut devices = graph.devices().iter();
+            devices.find(|device| device.name == name).map(|device| device.fingerprint)
+        };
+        let input = |InputPad { pad: spec, .. }: &InputPad| {
+            let [was, is] = [&self.loaded.graph, &next.graph].map(|graph| device(graph, &spec.endpoint));
+            let place = before.iter().position(|pad| pad.is_of(spec)).filter(|_| was == is);
+            place.map_or_else(
+                || Pad::of(&next.graph, spec).map_err(other),
+                |place| Ok(before.swap_remove(place)),
+            )
+        };
+        next.inputs.iter().map(input).collect()
     }
 
     /// Reason why a graph cannot be swapped in without a new run.
@@ -69,7 +90,9 @@ impl Stage {
         }
         let channels = |loaded: &Loaded| -> Vec<String> {
             let channels = loaded.graph.host_inputs().chain(loaded.graph.host_outputs());
-            channels.map(|(name, _)| name).collect()
+            let of_pad =
+                |name: &String| name.rsplit_once('.').is_some_and(|(endpoint, _)| loaded.is_pad(endpoint));
+            channels.map(|(name, _)| name).filter(of_pad).collect()
         };
         let (before, after) = (channels(&self.loaded), channels(next));
         (before != after).then(|| {
