@@ -106,7 +106,7 @@ pub(crate) fn metres(mm: [Millimetres; 3]) -> Vec3 {
 }
 
 impl Solid {
-    fn to_shape(&self) -> Result<SolidShape, BuildError> {
+    pub(crate) fn to_shape(&self) -> Result<SolidShape, BuildError> {
         Ok(match self {
             Self::Plane(plane) => {
                 SolidShape::Plane { origin_m: metres(plane.origin_mm), normal: plane.normal }

@@ -100,6 +100,8 @@ impl DeviceKind for SimulatedOmni {
             ground: ground(&settings.scene, settings.proxy_diameter_mm.si())?,
             gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, NewtonsPerMillimetre::si),
             across_m: across_m(&settings.scene),
+            scene: settings.scene.iter().map(Solid::to_shape).collect::<Result<_, _>>()?,
+            tool_diameter_m: settings.proxy_diameter_mm.si(),
         };
         let script = ScriptSettings {
             ground: touchable.ground.clone(),
