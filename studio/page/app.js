@@ -1,5 +1,6 @@
 // The studio: the latest messages of the engine, the requests that the page may send, and its panels.
 import { mountArming } from "./arming.js";
+import { Motion } from "./choices.js";
 import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
 import { mountControls } from "./controls.js";
@@ -20,12 +21,14 @@ import { Taps } from "./taps.js";
 
 const VERSION = 1;
 
-// Emits `hello`, `graph`, `status` when the engine sends them and `value` ({ name, value }) when a setting changes.
+// Emits `hello`, `graph`, `status` when the engine sends them, `value` ({ name, value }) when a setting changes, and `moved`
+// whenever `motion` has taken the levels.
 class Studio extends Emitter {
     constructor() {
         super();
         this.connection = new Connection();
         this.taps = new Taps(this.connection);
+        this.motion = new Motion();
         this.values = new Map();
         this.hello = this.graph = this.status = null;
         this.photos = new Map(); // by surface
@@ -38,6 +41,10 @@ class Studio extends Emitter {
         connection.on("status", (status) => {
             this.heard_ms = performance.now();
             this.#follow(status);
+        });
+        connection.on("levels", (levels) => {
+            this.motion.take(levels);
+            this.emit("moved");
         });
         connection.on("settings", ({ settings }) => settings.forEach(({ name, value }) => this.#changed(name, value)));
         connection.on("refused", ({ error }) => this.say("bad", `The engine refused a message: ${error}`));
@@ -106,13 +113,16 @@ class Studio extends Emitter {
                 find("banner"),
                 `The engine speaks version ${hello.version} of the protocol, this page version ${VERSION}: reload the page.`,
             );
+        this.connection.send({ type: "levels", on: true });
         this.emit("hello", hello);
     }
 
     #take(graph) {
         graph.unreadable = graph.surfaces.filter(({ error }) => error);
         graph.surfaces = graph.surfaces.filter(({ error }) => !error);
-        for (const port of [...graph.ports, ...graph.levels]) port.unit = printed(port.unit);
+        const ports = [graph.ports, graph.levels, graph.contacts, ...graph.plots.map(({ signals }) => signals)].flat();
+        for (const port of ports) port.unit = printed(port.unit);
+        if (graph.name !== this.graph?.name) this.motion.restart();
         this.graph = graph;
         this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
         setText(find("name"), graph.name);
