@@ -8,7 +8,6 @@ import { find, make, setText, takesText } from "./dom.js";
 import { mountEditor } from "./editor.js";
 import { Emitter } from "./events.js";
 import { mountGraph } from "./graph.js";
-import { mountMap } from "./map.js";
 import { mountPad } from "./pad.js";
 import { simulatedAlone } from "./pads.js";
 import { mountRecorder } from "./recorder.js";
@@ -18,6 +17,7 @@ import { mountStatus, stopSays } from "./status.js";
 import { currentSurface, mountSurfaces } from "./surfaces.js";
 import { mountTabs } from "./tabs.js";
 import { Taps } from "./taps.js";
+import { mountViews } from "./views.js";
 
 const VERSION = 1;
 
@@ -241,8 +241,8 @@ studio.showTab = studio.say = () => {};
 mountTabs(studio);
 studio.sound = new Sound(studio);
 studio.pad = mountPad(studio);
-mountMap(studio);
 mountScopes(studio);
+mountViews(studio);
 mountGraph(studio);
 mountControls(studio);
 mountEditor(studio);
