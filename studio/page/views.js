@@ -1,21 +1,27 @@
-// The views of a graph: the plots that it names and the map of a texture; as many at once as
+// The views of a graph: the plots that it names, the map of a texture, the object that a hand touches; as many at once as
 // there is room for.
 import { candidates } from "./choices.js";
 import { find, kept, make, setText } from "./dom.js";
 import { plotView } from "./draw-plot.js";
 import { mapView } from "./map.js";
+import { objectView } from "./object.js";
 
 const LEAST_WIDTH = 250; // px of a view beside another
 const LEAST_HEIGHT = 165;
 const MOST_A_SIDE = 2;
 const MOST_MOVING = 3; // signals of the view of what moves
-const PAINTERS = { map: mapView, time: plotView, xy: plotView, path: plotView };
+const PAINTERS = { map: mapView, object: objectView, time: plotView, xy: plotView, path: plotView };
 
 // What can be seen of a graph: [{ id, title, form, ... }], the most telling first.
-export function viewsOf({ maps, plots }) {
+export function viewsOf({ maps, pads, plots, contacts, ports, actuators }) {
     const named = (title, others, name) => (others.length > 1 ? `${title}: ${name}` : title);
+    const touched = pads.filter(({ scene }) => scene?.shapes.length);
     const views = [
         ...maps.map((map) => ({ id: `map ${map.node}`, title: named("Map", maps, map.node), form: "map", map })),
+        ...touched.map((pad) => {
+            const title = named("Object", touched, pad.endpoint);
+            return { id: `object ${pad.endpoint}`, title, form: "object", pad, contact: contacts[0], ports, actuators };
+        }),
         ...plots.map((plot) => ({ id: `plot ${plot.name}`, title: plot.name, form: plot.form, signals: plot.signals })),
     ];
     // With neither a plot nor another view, what moves.

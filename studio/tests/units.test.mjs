@@ -20,6 +20,7 @@ import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { simulatedAlone } from "../page/pads.js";
 import { axisRange, equalRanges, extentOf, framesOf, isConstant, Points } from "../page/plotting.js";
 import { placeOf } from "../page/ron.js";
+import { closeUp, limitsOf, sidesIn } from "../page/scene.js";
 import { zip } from "../page/study-store.js";
 import { Trace } from "../page/trace.js";
 
@@ -909,16 +910,35 @@ test("views fill the room, the wanted ones first, and a graph without any shows 
             ...WALL,
             contacts: [],
             maps: [{ node: "m" }],
-            };
+            pads: [{ endpoint: "arm", scene: { shapes: [{ form: "plane" }] } }],
+        };
         assert.deepEqual(
             viewsOf(graph).map(({ id, form }) => `${id}, ${form}`),
-            ["map m, map", "plot Force over height, undefined"],
+            ["map m, map", "object arm, object", "plot Force over height, undefined"],
         );
         assert.deepEqual(
             viewsOf({ ...graph, maps: [], plots: [], pads: [{ endpoint: "tablet", scene: null }] }).map(({ form }) => form),
             ["moves"],
         );
     }));
+
+test("a scene is seen from the front and from above in one scale, with a larger picture of what is small", () => {
+    const ball = { shapes: [{ form: "sphere", centre_mm: [10, 0, 0], diameter_mm: 100 }] };
+    const limits = limitsOf(ball, { width_mm: 160, height_mm: 100 });
+    assert.deepEqual(limits[0], [-40, 60]);
+    const [front, above] = sidesIn(400, 200, limits);
+    assert.equal(front.scale, above.scale);
+    const [x, z] = front.at([10, 7, 50]);
+    const [, y] = above.at([10, 7, 50]);
+    assert(Math.abs(x - (front.box.left + front.box.width / 2)) < 1e-9);
+    assert(z > front.box.top && z < front.at([10, 7, 0])[1] && y < above.at([10, 0, 50])[1]);
+    const close = closeUp(front, [10, 7, 50]);
+    assert(close.times > 2);
+    assert.deepEqual(close.at([10, 0, 50]), [close.box.left + close.box.width / 2, close.box.top + close.box.height / 2]);
+    assert.equal(closeUp({ ...front, scale: 1000 }, [0, 0, 0]), null);
+    const floor = { shapes: [{ form: "plane", origin_mm: [0, 0, -5], normal: [0, 0, 1] }] };
+    assert.deepEqual(limitsOf(floor, { width_mm: 160, height_mm: 100 })[0], [-80, 80]);
+});
 
 test("a point is extrapolated where a model beyond what was recorded takes part", () => {
     const map = {
