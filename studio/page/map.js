@@ -38,6 +38,7 @@ export function mapView(studio, { fill, say }, { map }) {
 }
 
 function draw(studio, ground, surface, view, say, now_ms) {
+    if (view.plot && studio.scopeWindow().isPaused) return;
     const [speed, force] = view.traces.map((trace) => trace?.latest() ?? NaN);
     const touching = studio.connection.open && force > BARELY && Number.isFinite(speed);
     if (touching) view.trail.push({ speed, force, now_ms });
