@@ -46,7 +46,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::settings! {
     /// A triangle mesh.
-    pub struct MeshSettings {
+    pub(crate) struct MeshSettings {
         /// STL or OBJ file, relative to the graph file.
         file: PathBuf;
         /// Millimetres of one unit of the file.
