@@ -42,7 +42,7 @@ pub enum Form {
 }
 
 /// The plots requested by a graph, in its order.
-pub(crate) fn plot_requests(graph: &Graph) -> Vec<PlotRequest> {
+pub fn plot_requests(graph: &Graph) -> Vec<PlotRequest> {
     let nodes = graph.nodes();
     let plots = nodes.ids().filter(|index| nodes[*index].entry.spec.group == GROUP);
     plots

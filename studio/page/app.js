@@ -1,6 +1,7 @@
 // The studio: the latest messages of the engine, the requests that the page may send, and its panels.
 import { mountArming } from "./arming.js";
 import { Assignments } from "./assign.js";
+import { Motion } from "./choices.js";
 import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
 import { mountControls } from "./controls.js";
@@ -9,7 +10,6 @@ import { mountEditor } from "./editor.js";
 import { Emitter } from "./events.js";
 import { mountGraph } from "./graph.js";
 import { mountPadInputs } from "./inputs.js";
-import { mountMap } from "./map.js";
 import { mountPad } from "./pad.js";
 import { unmoved } from "./pads.js";
 import { mountRecorder } from "./recorder.js";
@@ -19,15 +19,18 @@ import { mountStatus, stopSays } from "./status.js";
 import { currentSurface, mountSurfaces } from "./surfaces.js";
 import { mountTabs } from "./tabs.js";
 import { Taps } from "./taps.js";
+import { mountViews } from "./views.js";
 
 const VERSION = 1;
 
-// Emits `hello`, `graph`, `status` when the engine sends them and `value` ({ name, value }) when a setting changes.
+// Emits `hello`, `graph`, `status` when the engine sends them, `value` ({ name, value }) when a setting changes, and `moved`
+// whenever `motion` has taken the levels.
 class Studio extends Emitter {
     constructor() {
         super();
         this.connection = new Connection();
         this.taps = new Taps(this.connection);
+        this.motion = new Motion();
         this.values = new Map();
         this.hello = this.graph = this.status = null;
         this.photos = new Map(); // by surface
@@ -40,6 +43,10 @@ class Studio extends Emitter {
         connection.on("status", (status) => {
             this.heard_ms = performance.now();
             this.#follow(status);
+        });
+        connection.on("levels", (levels) => {
+            this.motion.take(levels);
+            this.emit("moved");
         });
         connection.on("settings", ({ settings }) => settings.forEach(({ name, value }) => this.#changed(name, value)));
         connection.on("refused", ({ error }) => this.say("bad", `The engine refused a message: ${error}`));
@@ -108,13 +115,16 @@ class Studio extends Emitter {
                 find("banner"),
                 `The engine speaks version ${hello.version} of the protocol, this page version ${VERSION}: reload the page.`,
             );
+        this.connection.send({ type: "levels", on: true });
         this.emit("hello", hello);
     }
 
     #take(graph) {
         graph.unreadable = graph.surfaces.filter(({ error }) => error);
         graph.surfaces = graph.surfaces.filter(({ error }) => !error);
-        for (const port of [...graph.ports, ...graph.levels]) port.unit = printed(port.unit);
+        const ports = [graph.ports, graph.levels, graph.contacts, ...graph.plots.map(({ signals }) => signals)].flat();
+        for (const port of ports) port.unit = printed(port.unit);
+        if (graph.name !== this.graph?.name) this.motion.restart();
         this.graph = graph;
         this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
         setText(find("name"), graph.name);
@@ -244,8 +254,8 @@ studio.sound = new Sound(studio);
 studio.pad = mountPad(studio);
 studio.assignments = new Assignments(studio);
 mountPadInputs(studio);
-mountMap(studio);
 mountScopes(studio);
+mountViews(studio);
 mountGraph(studio);
 mountControls(studio);
 mountEditor(studio);

@@ -39,8 +39,10 @@ export function drawTime(context, surface, { trace, end_s, back_s, span_s, memor
 
 // Minimum and maximum of each column for every component, NaN without samples; and the columns that hold both NaN and
 // numbers.
-export function columnsOf(trace, end_s, span_s, width) {
-    const low = Array.from({ length: trace.lanes }, () => new Float32Array(width).fill(NaN));
+// With `value` of its own (of a frame in a ring) there is one component.
+export function columnsOf(trace, end_s, span_s, width, value = null) {
+    const lanes = value ? 1 : trace.lanes;
+    const low = Array.from({ length: lanes }, () => new Float32Array(width).fill(NaN));
     const high = low.map((lane) => new Float32Array(lane));
     let first = 0,
         last = 0;
@@ -51,8 +53,10 @@ export function columnsOf(trace, end_s, span_s, width) {
         if (x >= width) continue;
         if (x < 0) break;
         const at = trace.place(back);
-        for (let lane = 0; lane < trace.lanes; lane++) {
-            const [least, most] = [trace.least[at + lane], trace.most[at + lane]];
+        for (let lane = 0; lane < lanes; lane++) {
+            let least = value ? value(trace.least, at) : trace.least[at + lane];
+            let most = value ? value(trace.most, at) : trace.most[at + lane];
+            if (least > most) [least, most] = [most, least]; // lengths of thinned vectors
             const [under, over] = Number.isNaN(least) ? [most, most] : [least, most];
             if (under < low[lane][x] || Number.isNaN(low[lane][x])) low[lane][x] = under;
             if (over > high[lane][x] || Number.isNaN(high[lane][x])) high[lane][x] = over;
@@ -66,7 +70,7 @@ export function columnsOf(trace, end_s, span_s, width) {
 
 // The range of the axis follows the visible samples: wider at once, narrower by at most the factor `narrower` per
 // frame.
-function rangeOf({ low, high }, memory, limits, zoom, narrower) {
+export function rangeOf({ low, high }, memory, limits, zoom, narrower) {
     let [least, most] = [0, 0];
     low.forEach((lane) => lane.forEach((value) => value < least && (least = value)));
     high.forEach((lane) => lane.forEach((value) => value > most && (most = value)));
@@ -80,7 +84,7 @@ function rangeOf({ low, high }, memory, limits, zoom, narrower) {
 
 const ago = (time_s) => (time_s < 1 ? `−${Math.round(time_s * 1000)} ms` : `−${Number(time_s.toFixed(2))} s`);
 
-function drawAxes(context, box, range, scale, [start, end], y) {
+export function drawAxes(context, box, range, scale, [start, end], y) {
     context.lineWidth = 1;
     context.textAlign = "right";
     const [low, high] = range.map((value) => value * scale.factor);
@@ -129,8 +133,15 @@ function drawLimits(context, box, range, limits, y) {
     context.setLineDash([]);
 }
 
-function drawLane(context, box, { low, high, first, last, sparse }, lane, y) {
-    const ink = colours[LANE_INKS[lane % LANE_INKS.length]];
+export function drawLane(
+    context,
+    box,
+    { low, high, first, last, sparse },
+    lane,
+    y,
+    ink = colours[LANE_INKS[lane % LANE_INKS.length]],
+    dash = [],
+) {
     context.beginPath();
     let pen = false;
     for (let x = first; x <= last; x++) {
@@ -147,7 +158,9 @@ function drawLane(context, box, { low, high, first, last, sparse }, lane, y) {
     context.strokeStyle = ink;
     context.lineWidth = 1.3;
     context.lineJoin = "round";
+    context.setLineDash(dash);
     context.stroke();
+    context.setLineDash([]);
 }
 
 // Marks of NaN.

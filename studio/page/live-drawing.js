@@ -23,7 +23,6 @@ export function mountLiveDrawing(studio, host, view) {
     const key = make("p", { class: "graph-key soft" });
     const live = { levels, parts: null, svg: null };
     host.after(key);
-    followVisibility(studio, host);
     studio.on("graph", (graph) => levels.restart(graph));
     studio.connection.on("levels", (message) => {
         const now_ms = performance.now();
@@ -35,22 +34,6 @@ export function mountLiveDrawing(studio, host, view) {
     });
     // The card of a node has the same as text.
     studio.nodeNow = (path) => levels.node(path, performance.now());
-}
-
-// Levels are sent while the drawing is visible.
-function followVisibility(studio, host) {
-    let sent = false;
-    const update = () => {
-        const on = host.clientHeight > 0;
-        if (on === sent || !studio.connection.open) return;
-        sent = on;
-        studio.connection.send({ type: "levels", on });
-    };
-    new ResizeObserver(update).observe(host);
-    studio.on("hello", () => {
-        sent = false;
-        update();
-    });
 }
 
 // The functions that update each wire and node of a drawing.

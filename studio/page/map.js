@@ -1,85 +1,79 @@
-// The force-speed plane of a texture: its triangles, the hand's point in it with the weights of the three models, its trail.
-import { find, make, setText } from "./dom.js";
+// The force-speed plane of a texture, with the axes of the reports: its triangles and models, the hand's point in it with the
+// weights of the three models, its trail.
+import { make } from "./dom.js";
 import { mostFrames } from "./frame.js";
-import { locate } from "./locate.js";
+import { axesFor, isBeyond, isExtrapolated, locate } from "./locate.js";
+import { ticks } from "./numbers.js";
 import { colours, FONT, FONT_STRONG, haloText, onTheme, Surface } from "./theme.js";
 
-const INSET = { left: 44, right: 16, top: 12, bottom: 34 };
+const INSET = { left: 44, right: 16, top: 26, bottom: 34 };
 const TRAIL_MS = 4000;
 const TRAIL_STEPS = 12; // of fading
 const LIFTED_MS = 120; // between two points of the trail: the hand was away
-const EDGE_PIECES = 10; // an edge is straight in speed and force, so it bends on root axes
 const BARELY = 0.005; // m/s and N below which there is no vibration and no point
+const WIDE = 520; // px: room for the weights as text
+const MARGIN = 1.05; // beyond the largest speed and force
+const DOTS = {
+    measured: ["ink0", 3, "recorded"],
+    fitted: ["ink0", 2, "within what was recorded"],
+    edge: ["faint", 1.6, "beyond it"],
+};
 
-export function mountMap(studio) {
-    const view = { map: null, traces: null, trail: [], plot: null }; // plot: null where the ground has to be drawn
-    const again = () => (view.plot = null);
-    const ground = new Surface(find("map-ground"), again);
-    const surface = new Surface(find("map"), again);
-    onTheme(again);
-    const choice = find("map-choice");
-    const choose = (index) => {
-        const map = studio.graph?.maps[index] ?? null;
-        const same = view.map && map && view.map.speed_port === map.speed_port && view.map.force_port === map.force_port;
-        if (!same) {
-            for (const trace of view.traces ?? []) studio.taps.release(trace);
-            view.traces = map && [map.speed_port, map.force_port].map((port) => port && studio.taps.watch(port));
-            view.trail = [];
-        }
-        view.map = map;
-        again();
-    };
-    choice.addEventListener("change", () => choose(choice.selectedIndex));
-    studio.on("graph", ({ maps }) => {
-        const index = Math.max(
-            0,
-            maps.findIndex((map) => map.node === view.map?.node),
-        );
-        choice.replaceChildren(...maps.map((map) => make("option", { text: map.node })));
-        choice.hidden = maps.length < 2;
-        choice.selectedIndex = index;
-        choose(index);
-    });
-    mostFrames((now_ms) => draw(studio, ground, surface, view, now_ms));
+export function mapView(studio, { fill, say }, { map }) {
+    const label = "Force over speed with the triangles of models, what was recorded, and the point of the hand";
+    const canvases = [make("canvas", { "aria-hidden": "true" }), make("canvas", { role: "img", "aria-label": label })];
+    fill.append(...canvases);
+    const traces = [map.speed_port, map.force_port].map((port) => port && studio.taps.watch(port));
+    const view = { map, traces, trail: [], plot: null, most: axesFor(map, []) };
+    const again = () => (view.plot = null); // the ground has to be drawn
+    const [ground, surface] = canvases.map((canvas) => new Surface(canvas, again));
+    const ends = [onTheme(again), mostFrames((now_ms) => draw(studio, ground, surface, view, say, now_ms))];
     studio.mapPoint = () => view.trail.at(-1) ?? null;
+    const end = () => {
+        for (const each of ends) each();
+        for (const each of [ground, surface]) each.end();
+        for (const trace of traces) studio.taps.release(trace);
+    };
+    return { end, moves: () => view.trail.length > 1 };
 }
 
-function draw(studio, ground, surface, view, now_ms) {
-    if (!view.map) {
-        surface.begin();
-        ground.begin();
-        setText(find("map-text"), studio.graph ? "This graph has no texture" : "");
-        return;
-    }
-    view.plot ??= drawGround(ground, view.map);
-    const [speed, force] = (view.traces ?? []).map((trace) => trace?.latest() ?? NaN);
+function draw(studio, ground, surface, view, say, now_ms) {
+    if (view.plot && studio.scopeWindow().isPaused) return;
+    const [speed, force] = view.traces.map((trace) => trace?.latest() ?? NaN);
     const touching = studio.connection.open && force > BARELY && Number.isFinite(speed);
     if (touching) view.trail.push({ speed, force, now_ms });
     while (view.trail.length && now_ms - view.trail[0].now_ms > TRAIL_MS) view.trail.shift();
+    const most = axesFor(view.map, view.trail);
+    if (most.some((value, axis) => value !== view.most[axis])) Object.assign(view, { most, plot: null });
+    view.plot ??= drawGround(ground, view);
     const found = touching ? locate(view.map, speed, force) : null;
-    setText(find("map-text"), touching ? said(found, speed, force) : "Touch the pad: the point appears");
+    say(touching ? said(view.map, found, speed, force, ground.width > WIDE) : "Touch the pad: the point appears");
     const empty = view.trail.length === 0;
     const context = empty && view.empty ? null : surface.begin(); // nothing is painted while nothing moves
     view.empty = empty;
     if (!context || !view.plot) return;
+    context.save();
+    context.beginPath();
+    context.rect(view.plot.box.left - 8, view.plot.box.top, view.plot.box.width + 8, view.plot.box.height + 8);
+    context.clip();
     drawTrail(context, view, now_ms);
+    context.restore();
     if (found) drawPoint(context, view, found);
 }
 
 // A number padded to the width of the largest, so that the text beside it does not move.
 const wide = (text, places) => text.padStart(places, "\u2007");
 
-const said = (found, speed, force) => {
+const said = (map, found, speed, force, isWide) => {
     const weights = found ? found.corners.map(({ weight }) => `${wide((100 * weight).toFixed(0), 3)} %`).join(" · ") : "outside";
-    const where = found?.clamped ? "beyond the map: " : "";
-    return `${where}${wide((1000 * speed).toFixed(0), 4)} mm/s   ${force.toFixed(2)} N   weights ${weights}`;
+    const where = found && isExtrapolated(map, found) ? "extrapolated: " : "";
+    return `${where}${wide((1000 * speed).toFixed(0), 4)} mm/s   ${force.toFixed(2)} N${isWide ? `   weights ${weights}` : ""}`;
 };
 
-// Triangles, axes and their labels, drawn once for a map, a size and a theme.
-function drawGround(surface, map) {
+// What was recorded, triangles, models, axes and their labels, drawn once for a map, a size, a range and a theme.
+function drawGround(surface, { map, most }) {
     const context = surface.begin();
     if (!context) return null;
-    const most = map.points.reduce(([s, f], [a, b]) => [Math.max(s, a), Math.max(f, b)], [1e-3, 1e-3]);
     const box = {
         left: INSET.left,
         top: INSET.top,
@@ -89,10 +83,37 @@ function drawGround(surface, map) {
     const plot = {
         box,
         most,
-        x: (speed) => box.left + box.width * root(speed / most[0]),
-        y: (force) => box.top + box.height * (1 - root(force / most[1])),
+        x: (speed) => box.left + (box.width * speed) / (MARGIN * most[0]),
+        y: (force) => box.top + box.height * (1 - force / (MARGIN * most[1])),
     };
     drawAxes(context, plot);
+    context.save();
+    context.beginPath();
+    context.rect(box.left - 3, box.top, box.width + 6, box.height + 3);
+    context.clip();
+    drawRecorded(context, plot, map);
+    drawTriangles(context, plot, map);
+    context.restore();
+    drawLegend(context, plot, map);
+    return plot;
+}
+
+// The triangles between models of what was recorded, shaded.
+function drawRecorded(context, plot, map) {
+    context.beginPath();
+    for (const triangle of map.triangles) {
+        if (triangle.some((vertex) => isBeyond(map, vertex))) continue;
+        outline(
+            context,
+            plot,
+            triangle.map((vertex) => map.points[vertex]),
+        );
+    }
+    context.fillStyle = colours.tint0;
+    context.fill();
+}
+
+function drawTriangles(context, plot, map) {
     context.lineJoin = "round";
     context.beginPath();
     for (const triangle of map.triangles)
@@ -101,58 +122,53 @@ function drawGround(surface, map) {
             plot,
             triangle.map((i) => map.points[i]),
         );
-    context.fillStyle = colours.tint0;
-    context.globalAlpha = 0.55;
-    context.fill();
     context.globalAlpha = 0.38;
     context.strokeStyle = colours.ink0;
     context.lineWidth = 0.8;
     context.stroke();
-    context.globalAlpha = 0.75;
-    context.fillStyle = colours.ink0;
-    for (const [speed, force] of map.points) dot(context, plot.x(speed), plot.y(force), 1.6);
     context.globalAlpha = 1;
-    return plot;
+    map.points.forEach(([speed, force], i) => {
+        const [ink, radius] = DOTS[map.kinds[i]];
+        context.fillStyle = colours[ink];
+        dot(context, plot.x(speed), plot.y(force), radius);
+    });
 }
 
-// Square-root axes: they give room to small speeds and forces, which are the most frequent.
-const root = (part) => Math.sqrt(Math.max(0, Math.min(part, 1.02)));
+function drawLegend(context, { box }, { kinds }) {
+    let x = box.left + 8;
+    context.font = FONT;
+    for (const [kind, [ink, radius, text]] of Object.entries(DOTS)) {
+        if (!kinds.includes(kind) || x + 20 + context.measureText(text).width > box.left + box.width) continue;
+        context.fillStyle = colours[ink];
+        dot(context, x, 12, radius);
+        context.fillStyle = colours.soft;
+        context.fillText(text, x + 8, 16);
+        x += 24 + context.measureText(text).width;
+    }
+}
 
 function outline(context, plot, corners) {
-    corners.forEach((from, k) => {
-        const to = corners[(k + 1) % corners.length];
-        for (let i = 0; i < EDGE_PIECES; i++) {
-            const part = (1 - Math.cos((Math.PI * i) / EDGE_PIECES)) / 2; // closer at both ends, where it may bend most
-            const [speed, force] = [0, 1].map((axis) => from[axis] + (to[axis] - from[axis]) * part);
-            context[k + i ? "lineTo" : "moveTo"](plot.x(speed), plot.y(force));
-        }
-    });
+    corners.forEach(([speed, force], k) => context[k ? "lineTo" : "moveTo"](plot.x(speed), plot.y(force)));
     context.closePath();
-}
-
-// Round values whose places are at least `gap` apart.
-function apart(most, toPlace, gap) {
-    const out = [0];
-    for (let power = 1e-3; power < most; power *= 10) {
-        for (const value of [power, 2 * power, 5 * power])
-            if (value <= most && Math.abs(toPlace(value) - toPlace(out.at(-1))) >= gap) out.push(value);
-    }
-    return out;
 }
 
 function drawAxes(context, { box, most, x, y }) {
     context.font = FONT;
     context.fillStyle = colours.soft;
+    context.strokeStyle = colours.grid;
+    context.lineWidth = 1;
+    context.strokeRect(box.left + 0.5, box.top + 0.5, box.width, box.height);
     context.textAlign = "center";
-    for (const speed of apart(most[0] * 1000, (value) => x(value / 1000), 46))
-        context.fillText(String(Number(speed.toPrecision(2))), x(speed / 1000), box.top + box.height + 16);
+    for (const speed of ticks(0, MARGIN * most[0] * 1000, Math.max(2, box.width / 70)))
+        context.fillText(String(Number(speed.toPrecision(3))), x(speed / 1000), box.top + box.height + 16);
     context.textAlign = "right";
-    for (const force of apart(most[1], y, 26)) context.fillText(String(Number(force.toPrecision(2))), box.left - 8, y(force) + 4);
-    context.fillText("speed, mm/s", box.left + box.width, box.top + box.height + 30);
+    for (const force of ticks(0, MARGIN * most[1], Math.max(2, box.height / 40)))
+        context.fillText(String(Number(force.toPrecision(3))), box.left - 8, y(force) + 4);
+    context.fillText("Speed (mm/s)", box.left + box.width, box.top + box.height + 30);
     context.save();
     context.translate(12, box.top);
     context.rotate(-Math.PI / 2);
-    context.fillText("force, N", 0, 0);
+    context.fillText("Normal force (N)", 0, 0);
     context.restore();
     context.textAlign = "left";
 }
@@ -177,7 +193,8 @@ function drawTrail(context, { trail, plot }, now_ms) {
     context.globalAlpha = 1;
 }
 
-function drawPoint(context, { plot }, { x, y, corners }) {
+function drawPoint(context, { map, plot }, found) {
+    const { x, y, corners } = found;
     const at = corners.map(({ point }) => [plot.x(point[0]), plot.y(point[1])]);
     context.beginPath();
     outline(
@@ -203,6 +220,11 @@ function drawPoint(context, { plot }, { x, y, corners }) {
     dot(context, px, py, 6.5);
     context.fillStyle = colours.ink;
     dot(context, px, py, 4.5);
+    if (!isExtrapolated(map, found)) return;
+    const left = Math.max(plot.box.left + 4, Math.min(plot.box.left + plot.box.width - 84, px - 36));
+    const above = Math.min(...at.map(([, up]) => up)) - 26;
+    const top = above > plot.box.top + 12 ? above : Math.max(...at.map(([, up]) => up)) + 36;
+    haloText(context, "extrapolated", left, Math.min(top, plot.box.top + plot.box.height - 6), colours.warn, colours.panel);
 }
 
 // The weight beside its corner, on the side away from the middle of the triangle.

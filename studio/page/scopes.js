@@ -1,4 +1,5 @@
 // Scopes: any port over time, as a spectrum, a spectrogram, a meter or a number.
+import { firstScopes, replacements } from "./choices.js";
 import { find, kept, make, setText } from "./dom.js";
 import { drawMeter, drawNumber } from "./draw-meter.js";
 import { drawSpectrogram, drawSpectrum } from "./draw-spectrum.js";
@@ -11,6 +12,7 @@ const LAG_S = 0.04; // the right edge stands this much behind, so that it does n
 const SPECTRAL = new Set(["spectrum", "spectrogram"]);
 const VIEWS = { time: drawTime, spectrum: drawSpectrum, spectrogram: drawSpectrogram, meter: drawMeter, number: drawNumber };
 const SPECTRAL_FROM_HZ = 200;
+const STILL_MS = 3000;
 
 export function mountScopes(studio) {
     // `paused` is the state at the pause: { end_s, kept_s, back_s, now_ms, actuators, traces }, copies by the traces
@@ -18,6 +20,8 @@ export function mountScopes(studio) {
     const state = { cards: [], span_s: kept.get("span", 2), paused: null, graph: null };
     mountBar(studio, state);
     studio.on("graph", (graph) => follow(studio, state, graph));
+    followMotion(studio, state);
+    studio.scopeWindow = () => ({ span_s: state.span_s, isPaused: state.paused !== null });
     studio.addScope = (name, view = "time") => add(studio, state, name, view);
     studio.scopeCount = () => state.cards.length;
 }
@@ -93,8 +97,8 @@ function follow(studio, state, graph) {
     const same = state.graph?.name === graph.name;
     state.graph = graph;
     const wanted = same
-        ? state.cards.map(({ name, view }) => ({ name, view }))
-        : (kept.get(`scopes.${graph.name}`, null) ?? firstScopes(graph));
+        ? state.cards
+        : (kept.get(`scopes.${graph.name}`, null) ?? firstScopes(graph).map((scope) => ({ ...scope, isAutomatic: true })));
     const there = (name) => graph.ports.some((port) => port.name === name);
     if (same && state.cards.every((card) => there(card.name))) {
         for (const card of state.cards) card.port = graph.ports.find((port) => port.name === card.name);
@@ -102,7 +106,8 @@ function follow(studio, state, graph) {
     }
     setPaused(studio, state, false);
     for (const card of [...state.cards]) remove(studio, state, card, false);
-    for (const { name, view } of wanted) if (there(name)) add(studio, state, name, view, false);
+    for (const { name, view, isAutomatic } of wanted)
+        if (there(name)) add(studio, state, name, view, isAutomatic ?? false, false);
     showEmpty(state);
 }
 
@@ -112,30 +117,10 @@ function group(ports) {
     return nodes;
 }
 
-// The initial scopes: the hand's motion, the vibration, the actuator's command.
-function firstScopes({ maps, ports, actuators }) {
-    const out = [];
-    const take = (port, view) =>
-        port && !out.some(({ name, view: shown }) => name === port.name && shown === view) && out.push({ name: port.name, view });
-    const named = (name) => ports.find((port) => port.name === name);
-    const driven = ports.find((port) => actuators.some((actuator) => port.node === actuator.name));
-    const felt = ports.findLast((port) => port.quantity === "acceleration" && port.rate_hz > SPECTRAL_FROM_HZ) ?? driven;
-    if (maps[0]) {
-        take(named(maps[0].speed_port), "time");
-        take(named(maps[0].force_port), "time");
-    }
-    take(felt, "time");
-    take(felt, "spectrum");
-    take(driven, "time");
-    take(driven, "meter");
-    if (out.length === 0) take(ports.at(-1), "time");
-    return out;
-}
-
-function add(studio, state, name, view, keep = true) {
+function add(studio, state, name, view, isAutomatic = false, keep = true) {
     const port = state.graph?.ports.find((each) => each.name === name);
     if (!port) return;
-    const card = { name, port, view, memory: {}, zoom: 1, trace: null };
+    const card = { name, port, view, isAutomatic, memory: {}, zoom: 1, trace: null };
     card.trace = studio.taps.watch(name, SPECTRAL.has(view));
     if (!card.trace) return studio.say("warn", "At most sixteen ports can be shown: remove a scope first.");
     const canvas = make("canvas", { role: "img", "aria-label": `${name} as ${view}` });
@@ -195,8 +180,33 @@ function setView(studio, state, card, view) {
     const trace = studio.taps.watch(card.name, SPECTRAL.has(view));
     if (!trace) return studio.say("warn", "At most sixteen ports can be shown: remove a scope first.");
     studio.taps.release(card.trace);
-    Object.assign(card, { trace, view, memory: {}, zoom: 1 });
+    Object.assign(card, { trace, view, isAutomatic: false, memory: {}, zoom: 1 });
     remember(state);
+}
+
+// A scope that the page chose, and that has not moved for so long while others did, shows another port.
+function followMotion(studio, state) {
+    let begin_ms = null; // since when a hand strokes
+    studio.on("graph", () => (begin_ms = null));
+    studio.on("moved", () => {
+        const isStroked = studio.graph.pads.length === 0 || studio.pad.hands.down.length > 0;
+        const now_ms = performance.now();
+        begin_ms = isStroked ? (begin_ms ?? now_ms) : null;
+        if (begin_ms === null || now_ms - begin_ms < STILL_MS || state.paused) return;
+        for (const [place, name, isAlike] of replacements(state.cards, studio.graph, (port) => studio.motion.moves(port)))
+            replace(studio, state, state.cards[place], name, isAlike ? state.cards[place].view : "time");
+    });
+}
+
+function replace(studio, state, card, name, view) {
+    const trace = studio.taps.watch(name, SPECTRAL.has(view));
+    if (!trace) return;
+    studio.taps.release(card.trace);
+    const port = state.graph.ports.find((each) => each.name === name);
+    Object.assign(card, { name, port, view, trace, memory: {}, zoom: 1 });
+    card.element.setAttribute("aria-label", name);
+    card.element.firstChild.replaceWith(barOf(studio, state, card));
+    card.surface.canvas.setAttribute("aria-label", `${name} as ${view}`);
 }
 
 function remove(studio, state, card, keep = true) {
@@ -212,7 +222,7 @@ function remove(studio, state, card, keep = true) {
 const remember = (state) =>
     kept.set(
         `scopes.${state.graph.name}`,
-        state.cards.map(({ name, view }) => ({ name, view })),
+        state.cards.map(({ name, view, isAutomatic }) => ({ name, view, isAutomatic })),
     );
 
 function showEmpty(state) {

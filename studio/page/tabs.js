@@ -7,7 +7,7 @@ const TOOLS = [
     ["controls", "Controls"],
     ["surfaces", "Surfaces"],
 ];
-const BELOW = [["map", "Map"], ["scopes", "Scopes"], ...TOOLS];
+const BELOW = [["views", "Views"], ["scopes", "Scopes"], ...TOOLS];
 const STEP = 2;
 
 export function mountTabs(studio) {
@@ -28,7 +28,7 @@ export function mountTabs(studio) {
     const before = kept.get("tab", "graph");
     show(TOOLS.some(([id]) => id === before) ? before : "graph");
     if (before !== "graph" && BELOW.some(([id]) => id === before)) show(before);
-    if (matchMedia("(max-width: 899px)").matches && before === "graph") show("map");
+    if (matchMedia("(max-width: 899px)").matches && before === "graph") show("views");
     mountExpand();
     mountGutters();
 }

@@ -34,8 +34,11 @@ dark.addEventListener("change", () => {
     for (const listener of listeners) listener();
 });
 
-// Calls `listener` whenever the theme changes.
-export const onTheme = (listener) => listeners.add(listener);
+// Calls `listener` whenever the theme changes; returns a function that ends this.
+export function onTheme(listener) {
+    listeners.add(listener);
+    return () => listeners.delete(listener);
+}
 
 // A canvas whose pixels follow its size on the page; `resized` is called after each change.
 export class Surface {

@@ -295,6 +295,8 @@ mod tests {
             ground: Ground::Sphere { centre_m: [0.0; 3], radius_m: 0.05, up: [0.0, 0.0, 1.0] },
             gives_n_per_m: 250.0,
             across_m: 0.1,
+            scene: Vec::new(),
+            tool_diameter_m: 0.0,
         };
         let below = Touch::of(&pointer(0.05, 0.0, 1.0), Some(&ball), -0.004);
         let radius_m = below.tip_m.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -306,8 +308,13 @@ mod tests {
 
     #[test]
     fn a_press_beside_the_sensor_turns_it() {
-        let table =
-            Touchable { ground: Ground::TABLE, gives_n_per_m: f64::INFINITY, across_m: f64::INFINITY };
+        let table = Touchable {
+            ground: Ground::TABLE,
+            gives_n_per_m: f64::INFINITY,
+            across_m: f64::INFINITY,
+            scene: Vec::new(),
+            tool_diameter_m: 0.0,
+        };
         let touch = Touch::of(&pointer(0.02, 0.0, 2.0), Some(&table), 0.0);
         let wrench = filled(&touch, Gives::Wrench);
         // 2 N down, 20 mm to the right of the origin: a torque about y.

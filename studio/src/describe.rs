@@ -6,17 +6,21 @@ use super::levels;
 use super::pads::FULL_N;
 use super::pages::Reach;
 use super::pointer::MAX_N;
+use super::scene;
 use super::scope::{self, Port};
 use super::stage::{Host, Stage};
 use super::wire::VERSION;
+use haptograph_engine::frame::OneKind;
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::node::{InputSpec, NodeEntry, OutputSpec, Presence, QuantityRule};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::{Part, SettingSpec};
+use haptograph_nodes::contact::Contact;
 use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{MAX_SURFACE_BYTES, is_file, is_folder, list, read_text};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units::Unit;
+use haptograph_surfaces::VertexKind;
 use haptograph_surfaces::files::{self, FileError, Malformed, Problem, ReadError};
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
@@ -168,7 +172,9 @@ fn shown(stage: &Stage) -> Value {
         "levels": levels::described(&ports),
         "settings": settings(stage),
         "parameters": parameters(stage),
+        "plots": scene::plots(graph),
         "maps": maps(graph),
+        "contacts": ports.iter().filter(|port| port.kind == Contact::KIND).map(port).collect::<Vec<_>>(),
         "actuators": actuators.collect::<Vec<_>>(),
         "devices": devices.collect::<Vec<_>>(),
         "sound": sound.map(|sound| json!({ "rate_hz": sound.rate_hz, "what": sound.port })),
@@ -184,6 +190,7 @@ fn pad(pad: &PadSpec) -> Value {
         "endpoint": pad.endpoint, "width_mm": pad.size_mm.0, "height_mm": pad.size_mm.1, "force_n": FULL_N, "most_force_n": MAX_N,
         "channels": names.collect::<Vec<_>>(), "is_laid": pad.on.is_some(),
         "gives_n_per_mm": gives_n_per_m.filter(|gives| gives.is_finite()).map(|gives| gives * 1e-3),
+        "scene": pad.on.as_ref().map(scene::scene),
     })
 }
 
@@ -193,14 +200,10 @@ fn input(input: &InputPad) -> Value {
 }
 
 fn port(port: &Port) -> Value {
-    let lanes = match port.is_shown() {
-        true => port.kind.spec().components,
-        false => &[""],
-    };
-    let lanes: Vec<String> = lanes.iter().map(|lane| lane.replace('_', " ")).collect();
     json!({
         "name": port.name, "node": port.node, "kind": port.kind.to_string(),
-        "quantity": port.quantity.name(), "unit": port.quantity.unit(), "rate_hz": port.rate_hz, "lanes": lanes,
+        "quantity": port.quantity.name(), "unit": port.quantity.unit(), "rate_hz": port.rate_hz,
+        "lanes": scope::components(port.kind),
     })
 }
 
@@ -258,10 +261,16 @@ fn maps(graph: &Graph) -> Vec<Value> {
         let path = node.files.first()?;
         let texture = files::load(path).ok()?.texture?;
         let points: Vec<[f64; 2]> = texture.models().iter().map(|at| [at.speed_m_s, at.force_n]).collect();
+        let of = |kind: VertexKind| match kind {
+            VertexKind::Measured => "measured",
+            VertexKind::Fitted => "fitted",
+            VertexKind::Edge => "edge",
+        };
+        let kinds: Vec<&str> = texture.models().iter().map(|at| of(at.kind)).collect();
         Some(json!({
             "node": node.path, "surface": path.display().to_string(),
             "speed_port": from("speed"), "force_port": from("force"),
-            "points": points, "triangles": texture.triangles(),
+            "points": points, "kinds": kinds, "triangles": texture.triangles(),
         }))
     };
     locators.filter_map(map).collect()

@@ -34,6 +34,7 @@ mod record;
 mod replay;
 mod run_cycle;
 mod run_page;
+mod scene;
 mod scope;
 mod stage;
 mod study;

@@ -32,6 +32,11 @@ impl Port {
     }
 }
 
+/// The names of the components of a frame, as they are printed.
+pub(crate) fn components(kind: Kind) -> Vec<String> {
+    kind.spec().components.iter().map(|name| name.replace('_', " ")).collect()
+}
+
 /// The ports of a graph.
 pub(crate) fn ports(graph: &Graph) -> Vec<Port> {
     let nodes = graph.nodes().iter();

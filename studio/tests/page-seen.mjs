@@ -128,7 +128,7 @@ for (const colorScheme of ["light", "dark"])
         const force_n = await page.evaluate(() => studio.pad.hands.force_n);
         assert(Math.abs(most / force_n - 1) < 0.1, `a finger presses with ${most} N, the slider says ${force_n} N`);
         await demo(page, true);
-        for (const tab of ["map", "scopes", ...TABS]) {
+        for (const tab of ["views", "scopes", ...TABS]) {
             await page.tap(`#phone-tabs [data-for=${tab}]`);
             await page.waitForTimeout(700);
             await picture(page, `phone-${tab}-${colorScheme}`);

@@ -197,6 +197,28 @@ fn a_page_that_sees_the_drawing_is_told_what_every_port_and_node_does() {
 }
 
 #[test]
+fn a_graph_is_described_with_its_plots_what_its_hand_touches_and_what_was_recorded() {
+    let studio = open(&shipped("omni.ron"));
+    let page = Page::of(&studio);
+    let (plots, scene) = (&page.graph["plots"], &page.graph["pads"][0]["scene"]);
+    assert_eq!((&plots[0]["name"], &plots[0]["form"]), (&json!("Where it touched"), &json!("path")));
+    let contact = &plots[0]["signals"][0];
+    assert_eq!((&contact["kind"], &contact["lanes"][10]), (&json!("contact"), &json!("penetration m")));
+    assert_eq!(page.graph["contacts"][0]["name"], contact["name"]);
+    let against = plots.as_array().and_then(|plots| plots.iter().find(|plot| plot["form"] == "xy"));
+    let signals = &against.expect("a plot against a signal")["signals"];
+    assert_eq!((&signals[0]["name"], &signals[0]["unit"]), (&json!("depth.penetration"), &json!("m")));
+    assert_eq!((&signals[1]["label"], &signals[1]["quantity"]), (&json!("normal.load"), &json!("force")));
+    let ball = json!({ "form": "sphere", "centre_mm": [0.0, 0.0, 0.0], "diameter_mm": 100.0 });
+    assert_eq!(scene, &json!({ "tool_mm": 3.2, "shapes": [ball] }));
+    let (kinds, points) = (&page.graph["maps"][0]["kinds"], &page.graph["maps"][0]["points"]);
+    assert_eq!(kinds.as_array().map(Vec::len), points.as_array().map(Vec::len));
+    assert!(
+        ["fitted", "edge"].iter().all(|kind| kinds.as_array().is_some_and(|all| all.contains(&json!(kind))))
+    );
+}
+
+#[test]
 fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
     let (_folder, path) = copied();
     let studio = open(&path);

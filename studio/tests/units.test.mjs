@@ -4,6 +4,7 @@ import { spawnSync } from "node:child_process";
 import { readdirSync, readFileSync } from "node:fs";
 import test from "node:test";
 import { drivenOf, isRecent } from "../page/arming.js";
+import { candidates, firstScopes, Motion, replacements } from "../page/choices.js";
 import { Connection } from "../page/connection.js";
 import { scaleFor } from "../page/control.js";
 import { PageEngine } from "../page/engine.js";
@@ -16,10 +17,12 @@ import { GESTURES, Stroke } from "../page/gestures.js";
 import { GRAPH } from "../page/keys.js";
 import { guessed, headOf } from "../page/mapping.js";
 import { Levels } from "../page/levels.js";
-import { locate } from "../page/locate.js";
+import { axesFor, isExtrapolated, locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { unmoved } from "../page/pads.js";
+import { axisRange, equalRanges, extentOf, framesOf, isConstant, Points } from "../page/plotting.js";
 import { placeOf } from "../page/ron.js";
+import { closeUp, limitsOf, sidesIn } from "../page/scene.js";
 import { zip } from "../page/study-store.js";
 import { Trace } from "../page/trace.js";
 
@@ -44,7 +47,12 @@ test("the columns of a foreign recording are named, drawn and guessed", () => {
 
 test("an archive has its files with their checksums", async () => {
     const text = (value) => new TextEncoder().encode(value);
-    const archive = new DataView(await zip([{ path: "a/é.csv", bytes: text("123456789") }, { path: "b", bytes: text("") }]).arrayBuffer());
+    const archive = new DataView(
+        await zip([
+            { path: "a/é.csv", bytes: text("123456789") },
+            { path: "b", bytes: text("") },
+        ]).arrayBuffer(),
+    );
     assert.equal(archive.getUint32(14, true), 0xcbf43926); // the check value of CRC-32
     assert.deepEqual([archive.getUint32(18, true), archive.getUint16(26, true)], [9, 8]);
     const end = archive.byteLength - 22;
@@ -240,7 +248,9 @@ const writing = {
     },
     graph: {
         ports: [{ name: "tone.value", node: "tone", quantity: "number", kind: "scalar", unit: "", rate_hz: 48000 }],
-        parameters: [{ name: "gain", value: "0.5", default: "1.0", doc: "How much.", unit: "", min: 0, max: 2, is_surface: false }],
+        parameters: [
+            { name: "gain", value: "0.5", default: "1.0", doc: "How much.", unit: "", min: 0, max: 2, is_surface: false },
+        ],
         surfaces: [],
     },
 };
@@ -280,7 +290,11 @@ test("the editor completes what can stand at a place, with units, and nothing el
     assert.equal(nodes('"a": Sink(limit: (window_s: |')["10.0"], "(s)");
     assert.deepEqual(nodes('"a": Sine(clock: "|"'), { audio: "48000 Hz" });
     // An output of the graph that runs, and one of a node that was just written.
-    assert.deepEqual(nodes('"b": Sink(), "a": Sink(current: "|"'), { "tone.value": "48000 Hz", "b.delivered": "A, Sink", "a.delivered": "A, Sink" });
+    assert.deepEqual(nodes('"b": Sink(), "a": Sink(current: "|"'), {
+        "tone.value": "48000 Hz",
+        "b.delivered": "A, Sink",
+        "a.delivered": "A, Sink",
+    });
     assert.deepEqual(nodes('"a": Sink(current: |'), { Hold: "the latest frame", Param: "gain" });
     assert.deepEqual(nodes('"a": Sink(gain: Param("|"'), { gain: "0.5" });
     assert.deepEqual(Object.keys(nodes('"a": |')), ["Sine", "Sink", "Bands"]);
@@ -636,7 +650,13 @@ test("an interval with NaN keeps the peak beside it and is marked, in any order"
         const { low, high, faults } = columnsOf(trace, 0.004, 0.004, 1);
         assert.deepEqual([low[0][0], high[0][0], [...faults]], [-2, 7, [0]]);
         const each = columnsOf(trace, 0.004, 0.004, 4);
-        assert.deepEqual([[...each.low[0]], [...each.high[0]]], [[0, 7, -2, NaN], [1, 7, 1, NaN]]);
+        assert.deepEqual(
+            [[...each.low[0]], [...each.high[0]]],
+            [
+                [0, 7, -2, NaN],
+                [1, 7, 1, NaN],
+            ],
+        );
         assert.deepEqual([...each.faults], [1]);
         assert.deepEqual([trace.level(1).peak, Math.round(1000 * trace.level(1).rms)], [7, 1225]);
     }));
@@ -663,9 +683,21 @@ test("a meter stands against the limit, and holds its peak for a second and a ha
         const first = drawn(0.1, 0.4, 0);
         const bars = first.rects.filter(([left, width]) => left === LEFT && width !== 2).map(([, width]) => Math.round(width));
         assert.deepEqual(bars, [40, 160, 60], "level, peak and heat, each of its limit");
-        assert.deepEqual(first.rects.find(([, width]) => width === 2), [LEFT + 99, 2, "--bad"], "the continuous limit");
+        assert.deepEqual(
+            first.rects.find(([, width]) => width === 2),
+            [LEFT + 99, 2, "--bad"],
+            "the continuous limit",
+        );
         assert.deepEqual(first.held, [LEFT + 160 - 1.5, 3, "--ink"]);
-        assert.deepEqual(first.texts, ["level", "100 mA", "peak", "400 mA", "heat", "30 %", "limit 500 mA peak, 250 mA continuous"]);
+        assert.deepEqual(first.texts, [
+            "level",
+            "100 mA",
+            "peak",
+            "400 mA",
+            "heat",
+            "30 %",
+            "limit 500 mA peak, 250 mA continuous",
+        ]);
         // The mark holds what was the most, then falls to what is.
         assert.equal(drawn(0.01, 0.02, 1500).held[0], LEFT + 160 - 1.5);
         assert.equal(drawn(0.01, 0.02, 1501).held[0], LEFT + 8 - 1.5);
@@ -763,4 +795,232 @@ test("every text and every edge of a control stands out from what is behind it, 
             check(scheme, 3, `edge on ${ground}`, channels(colours.edge), channels(colours[ground]));
     }
     assert.deepEqual([...new Set(wrong)], []);
+});
+
+// A trace with the samples of a function of time, at a rate.
+function traceOf(rate_hz, until_s, value, lanes = 1) {
+    const trace = new Trace("a.b", false);
+    const numbers = Array.from({ length: Math.round(until_s * rate_hz) }, (_, k) => value(k / rate_hz)).flat();
+    trace.push(read(samples(lanes, false, 0, 1 / rate_hz, numbers)));
+    return trace;
+}
+
+test("a plot against another signal pairs each value with the latest of its time, whatever the rates", () => {
+    for (const [x_hz, y_hz] of [
+        [100, 1000],
+        [1000, 100],
+        [125, 2000],
+        [500, 500],
+    ]) {
+        const [x, y] = [traceOf(x_hz, 0.5, (time_s) => time_s), traceOf(y_hz, 0.5, (time_s) => time_s)];
+        const points = new Points();
+        points.takePairs(x, "scalar", y, "scalar");
+        assert(points.points.length > 40, `${x_hz} ${y_hz}: ${points.points.length}`);
+        for (const [across, up] of points.points)
+            assert(up - across > -1e-6 && up - across < 1 / x_hz + 1e-6, `${x_hz} ${y_hz}: ${across} ${up}`);
+        const before = points.points.length;
+        points.takePairs(x, "scalar", y, "scalar");
+        assert.equal(points.points.length, before, "samples are taken twice");
+    }
+});
+
+test("a pair waits for the signal that is late, and a new run begins anew", () => {
+    const [x, y] = [traceOf(100, 0.1, (time_s) => time_s), traceOf(1000, 0.5, (time_s) => time_s)];
+    const points = new Points();
+    points.takePairs(x, "scalar", y, "scalar");
+    assert(points.until_s < 0.11 && points.until_s > 0.09, String(points.until_s));
+    const again = traceOf(1000, 0.02, (time_s) => time_s);
+    points.takePairs(
+        traceOf(1000, 0.02, () => 1),
+        "scalar",
+        again,
+        "scalar",
+    );
+    assert(points.points.every(([across]) => across === 1));
+});
+
+test("a path of a contact is that of the proxy, and is broken where nothing is touched", () => {
+    const contact = (time_s) => [time_s < 0.05 ? 0 : 1, 9, 9, 9, time_s, 2 * time_s, 0, 0, 0, 1, 0, 0];
+    const points = new Points();
+    points.takePlaces(traceOf(1000, 0.1, contact, 12), "contact");
+    assert(points.points.some(([x]) => Number.isNaN(x)));
+    const touched = points.points.filter(([x]) => Number.isFinite(x));
+    assert(touched.length > 8 && touched.every(([x, y]) => Math.abs(y - 2 * x) < 1e-6 && x >= 0.05 - 1e-6));
+});
+
+test("axes are round around their values and stay while those fit", () => {
+    assert.deepEqual(axisRange([0.3, 9.4]), [0, 10]);
+    assert.deepEqual(axisRange([-1.1, 3.9]), [-2, 4]);
+    assert.deepEqual(axisRange([2, 2]), [2, 2.5]);
+    const before = axisRange([0, 10]);
+    assert.equal(axisRange([1, 8], before), before);
+    assert.notEqual(axisRange([1, 2], before), before);
+    assert.notEqual(axisRange([1, 12], before), before);
+    const equal = equalRanges([0, 10], [0, 1], 200, 100);
+    assert(Math.abs((equal.x[1] - equal.x[0]) / 200 - (equal.y[1] - equal.y[0]) / 100) < 1e-12);
+    assert.equal(equalRanges([1, 9], [0, 1], 200, 100, equal), equal);
+    assert.deepEqual([extentOf([NaN, 3, 1]), extentOf([NaN])], [[1, 3], null]);
+    assert.deepEqual([isConstant([0, 0]), isConstant([5, 5]), isConstant([0, 1e-9])], [true, true, false]);
+});
+
+test("signals of one quantity share a frame over time, fast ones have their own", () => {
+    const signal = (name, quantity, rate_hz) => ({ name, quantity, unit: quantity, rate_hz });
+    const frames = framesOf([
+        signal("a", "force", 1000),
+        signal("b", "speed", 1000),
+        signal("c", "force", 125),
+        signal("d", "force", 10_000),
+    ]);
+    assert.deepEqual(
+        frames.map((frame) => frame.map(({ name }) => name)),
+        [["a", "c"], ["b"], ["d"]],
+    );
+});
+
+const port = (name, quantity = "number", rate_hz = 1000) => ({
+    name,
+    node: name.split(".")[0],
+    quantity,
+    rate_hz,
+    kind: "scalar",
+    unit: "",
+});
+const WALL = {
+    maps: [],
+    plots: [{ name: "Force over height", signals: [{ name: "tip.z" }, { name: "spring.output" }] }],
+    actuators: [{ name: "push", unit: "N" }],
+    pads: [{ channels: ["position"] }],
+    ports: [
+        port("arm.position", "length"),
+        port("tip.z", "length"),
+        port("smooth.output", "speed"),
+        port("spring.output", "force"),
+        port("none.output", "force"),
+        port("push.delivered", "force"),
+    ],
+};
+
+test("a page begins with what is delivered and what the graph names, and with nothing of which no use is known", () => {
+    assert.deepEqual(
+        firstScopes(WALL).map(({ name, view }) => `${name} ${view}`),
+        ["push.delivered time", "push.delivered meter", "arm.position time", "tip.z time", "spring.output time"],
+    );
+    assert.equal(candidates(WALL).length, WALL.ports.length);
+    const only = { ...WALL, plots: [], actuators: [], pads: [], ports: [port("none.output")] };
+    assert.deepEqual(firstScopes(only), [{ name: "none.output", view: "time" }]);
+});
+
+test("a scope that the page chose and that never moves shows another port, one that a person chose stays", () => {
+    const moving = new Set(["spring.output", "tip.z"]);
+    const scopes = [
+        { name: "push.delivered", isAutomatic: true },
+        { name: "push.delivered", isAutomatic: true },
+        { name: "smooth.output", isAutomatic: false },
+        { name: "arm.position", isAutomatic: true },
+    ];
+    const moves = (name) => moving.has(name);
+    assert.deepEqual(replacements(scopes, WALL, moves), [
+        [0, "spring.output", true],
+        [1, "spring.output", true],
+        [3, "tip.z", true],
+    ]);
+    assert.deepEqual(
+        replacements(scopes, WALL, () => false),
+        [],
+    );
+    assert.deepEqual(replacements([{ name: "smooth.output", isAutomatic: true }], WALL, moves), [[0, "tip.z", false]]);
+});
+
+test("what moves has levels that differ; a constant has one", () => {
+    const motion = new Motion();
+    motion.take({ ports: { constant: [2, 2], tone: [0.7, 1], force: [0, 0] } });
+    assert.deepEqual(
+        ["constant", "tone", "force", "unknown"].map((name) => motion.moves(name)),
+        [false, true, false, false],
+    );
+    motion.take({ ports: { constant: [2, 2], tone: [0.7, 1], force: [0.5, 0.5] } });
+    assert.deepEqual(
+        ["constant", "force"].map((name) => motion.moves(name)),
+        [false, true],
+    );
+    motion.restart();
+    assert.equal(motion.moves("tone"), false);
+});
+
+test("views fill the room, the wanted ones first, and a graph without any shows what moves", () =>
+    inTheme(async () => {
+        const { roomFor, shownOf, viewsOf } = await import("../page/views.js");
+        assert.deepEqual(
+            [roomFor(640, 400, 9, false), roomFor(640, 400, 9, true), roomFor(370, 200, 9, false), roomFor(640, 400, 1, false)],
+            [4, 1, 1, 1],
+        );
+        const views = ["a", "b", "c"].map((id) => ({ id }));
+        assert.deepEqual(
+            shownOf(views, ["c", "gone", "a"], 3).map(({ id }) => id),
+            ["c", "a", "b"],
+        );
+        const graph = {
+            ...WALL,
+            contacts: [],
+            maps: [{ node: "m" }],
+            pads: [{ endpoint: "arm", scene: { shapes: [{ form: "plane" }] } }],
+        };
+        assert.deepEqual(
+            viewsOf(graph).map(({ id, form }) => `${id}, ${form}`),
+            ["map m, map", "object arm, object", "plot Force over height, undefined"],
+        );
+        assert.deepEqual(
+            viewsOf({ ...graph, maps: [], plots: [], pads: [{ endpoint: "tablet", scene: null }] }).map(({ form }) => form),
+            ["moves"],
+        );
+    }));
+
+test("a scene is seen from the front and from above in one scale, with a larger picture of what is small", () => {
+    const ball = { shapes: [{ form: "sphere", centre_mm: [10, 0, 0], diameter_mm: 100 }] };
+    const limits = limitsOf(ball, { width_mm: 160, height_mm: 100 });
+    assert.deepEqual(limits[0], [-40, 60]);
+    const [front, above] = sidesIn(400, 200, limits);
+    assert.equal(front.scale, above.scale);
+    const [x, z] = front.at([10, 7, 50]);
+    const [, y] = above.at([10, 7, 50]);
+    assert(Math.abs(x - (front.box.left + front.box.width / 2)) < 1e-9);
+    assert(z > front.box.top && z < front.at([10, 7, 0])[1] && y < above.at([10, 0, 50])[1]);
+    const close = closeUp(front, [10, 7, 50]);
+    assert(close.times > 2);
+    assert.deepEqual(close.at([10, 0, 50]), [close.box.left + close.box.width / 2, close.box.top + close.box.height / 2]);
+    assert.equal(closeUp({ ...front, scale: 1000 }, [0, 0, 0]), null);
+    const floor = { shapes: [{ form: "plane", origin_mm: [0, 0, -5], normal: [0, 0, 1] }] };
+    assert.deepEqual(limitsOf(floor, { width_mm: 160, height_mm: 100 })[0], [-80, 80]);
+});
+
+test("a point is extrapolated where a model beyond what was recorded takes part", () => {
+    const map = {
+        points: [
+            [0, 0],
+            [0, 1],
+            [1, 0],
+            [1, 1],
+            [3, 1],
+            [3, 0],
+        ],
+        kinds: ["edge", "edge", "edge", "fitted", "edge", "edge"],
+        triangles: [
+            [0, 2, 3],
+            [0, 3, 1],
+            [2, 5, 4],
+            [2, 4, 3],
+        ],
+    };
+    const at = (speed, force) => isExtrapolated(map, locate(map, speed, force));
+    assert.deepEqual([at(0.5, 0.5), at(0.1, 0.9), at(2, 0.9), at(9, 0.5)], [false, false, true, true]);
+    const trail = (speed, count) => Array.from({ length: count }, () => ({ speed, force: 0.1 }));
+    assert.deepEqual(
+        [axesFor(map, []), axesFor(map, trail(1.2, 9)), axesFor(map, trail(9, 9))],
+        [
+            [1, 1],
+            [1.5, 1],
+            [3, 1],
+        ],
+    );
+    assert.deepEqual(axesFor(map, trail(9, 2)), [1, 1], "an impact widens the axes");
 });

@@ -181,7 +181,7 @@ impl TriangleMesh {
     }
 
     /// Corners, m.
-    pub(crate) fn vertices(&self) -> &[Vec3] {
+    pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 

@@ -46,7 +46,7 @@ haptograph_engine::settings! {
 
 haptograph_engine::settings! {
     /// A triangle mesh.
-    pub struct MeshSettings {
+    pub(crate) struct MeshSettings {
         /// STL or OBJ file, relative to the graph file.
         file: PathBuf;
         /// Millimetres of one unit of the file.
@@ -106,7 +106,7 @@ pub(crate) fn metres(mm: [Millimetres; 3]) -> Vec3 {
 }
 
 impl Solid {
-    fn to_shape(&self) -> Result<SolidShape, BuildError> {
+    pub(crate) fn to_shape(&self) -> Result<SolidShape, BuildError> {
         Ok(match self {
             Self::Plane(plane) => {
                 SolidShape::Plane { origin_m: metres(plane.origin_mm), normal: plane.normal }

@@ -6,8 +6,9 @@ use super::hand::Load;
 use super::omni::{OMNI_RATE_HZ, OmniSettings, SimulatedOmni as Omni};
 use super::script::ScriptSettings;
 use super::touchable::Touchable;
-use crate::contact::mesh::{MeshError, TriangleMesh};
-use crate::contact::nodes::{Solid, SphereSettings, load_mesh, metres};
+use crate::contact::mesh::TriangleMesh;
+use crate::contact::nodes::{Solid, SphereSettings};
+use crate::contact::shape::Shape;
 use crate::vector::{add_scaled, direction};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::{Kind, Vector};
@@ -96,10 +97,14 @@ impl DeviceKind for SimulatedOmni {
                 damping_n_s_per_m: settings.damping_n_s_per_m,
             },
         };
+        let scene = settings.scene.iter().map(Solid::to_shape).collect::<Result<Vec<_>, _>>();
+        let scene = scene.map_err(|error| BuildError { field: Some("scene"), ..error })?;
         let touchable = Touchable {
-            ground: ground(&settings.scene, settings.proxy_diameter_mm.si())?,
+            ground: ground(&scene, settings.proxy_diameter_mm.si())?,
             gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, NewtonsPerMillimetre::si),
-            across_m: across_m(&settings.scene),
+            across_m: across_m(&scene),
+            scene,
+            tool_diameter_m: settings.proxy_diameter_mm.si(),
         };
         let script = ScriptSettings {
             ground: touchable.ground.clone(),
@@ -119,50 +124,40 @@ pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
 }
 
 /// Width of the first shape of a scene, seen from above.
-fn across_m(scene: &[Solid]) -> f64 {
+fn across_m(scene: &[Shape]) -> f64 {
     match scene.first() {
-        Some(Solid::Sphere(sphere)) => sphere.diameter_mm.si(),
-        Some(Solid::Box(cuboid) | Solid::Room(cuboid)) => {
-            let [x_m, y_m, _] = metres(cuboid.size_mm);
-            x_m.min(y_m)
-        }
+        Some(Shape::Sphere { diameter_m, .. }) => *diameter_m,
+        Some(Shape::Box { size_m, .. } | Shape::Room { size_m, .. }) => size_m[0].min(size_m[1]),
         _ => f64::INFINITY,
     }
 }
 
 /// The surface that the centre of the ball at a tool's tip follows on the first shape of a scene.
-fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> {
+fn ground(scene: &[Shape], proxy_diameter_m: f64) -> Result<Ground, BuildError> {
     let Some(first) = scene.first() else {
         return Err(BuildError::at("scene", "the scene is empty").help("give at least one shape"));
     };
-    let failed = |error: MeshError| BuildError::at("scene", error.to_string());
     let up = [0.0, 0.0, 1.0];
     let radius_m = 0.5 * proxy_diameter_m;
-    Ok(match first {
-        Solid::Plane(plane) => {
-            let normal = direction(plane.normal).unwrap_or(up);
-            Ground::Plane { origin_m: add_scaled(metres(plane.origin_mm), normal, radius_m), normal }
+    Ok(match *first {
+        Shape::Plane { origin_m, normal } => {
+            let normal = direction(normal).unwrap_or(up);
+            Ground::Plane { origin_m: add_scaled(origin_m, normal, radius_m), normal }
         }
-        Solid::Sphere(sphere) => Ground::Sphere {
-            centre_m: metres(sphere.centre_mm),
-            radius_m: 0.5 * sphere.diameter_mm.si() + radius_m,
-            up,
-        },
-        Solid::Box(cuboid) => {
-            let felt_m = metres(cuboid.size_mm).map(|length_m| length_m + proxy_diameter_m);
-            let mesh = TriangleMesh::cuboid(felt_m).and_then(|mesh| mesh.moved(metres(cuboid.centre_mm)));
-            Ground::solid(Arc::new(mesh.map_err(failed)?))
+        Shape::Sphere { centre_m, diameter_m } => {
+            Ground::Sphere { centre_m, radius_m: 0.5 * diameter_m + radius_m, up }
         }
-        Solid::Room(room) => {
-            let floor_m = radius_m - 0.5 * room.size_mm[2].si();
-            Ground::Plane { origin_m: add_scaled(metres(room.centre_mm), up, floor_m), normal: up }
+        Shape::Box { centre_m, size_m } => {
+            let felt_m = size_m.map(|length_m| length_m + proxy_diameter_m);
+            let mesh = TriangleMesh::cuboid(felt_m).and_then(|mesh| mesh.moved(centre_m));
+            Ground::solid(Arc::new(mesh.map_err(|error| BuildError::at("scene", error.to_string()))?))
+        }
+        Shape::Room { centre_m, size_m } => {
+            let floor_m = radius_m - 0.5 * size_m[2];
+            Ground::Plane { origin_m: add_scaled(centre_m, up, floor_m), normal: up }
         }
         // Contact with a mesh is that of a point.
-        Solid::Mesh(mesh) => {
-            let loaded = load_mesh(&mesh.file, mesh.unit_mm)
-                .map_err(|error| BuildError { field: Some("scene"), ..error })?;
-            Ground::Relief(Arc::new(loaded))
-        }
+        Shape::Mesh { ref mesh, .. } => Ground::Relief(mesh.clone()),
     })
 }
 

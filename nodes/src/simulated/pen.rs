@@ -9,6 +9,7 @@ use super::knock::KnockSettings;
 use super::pen_object::{PEN_OBJECT_RATE_HZ, PenObject, PenObjectSettings};
 use super::touchable::Touchable;
 use crate::contact::object::{CubeSettings, Object, on_sensor};
+use crate::contact::shape::Shape;
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::{Kind, Scalar, Vector, Wrench};
 use haptograph_engine::node::{BuildContext, BuildError, Port};
@@ -147,6 +148,8 @@ impl DeviceKind for SimulatedPenAndObject {
             across_m: across(0).min(across(1)),
             ground: Ground::solid(object.clone()),
             gives_n_per_m: f64::INFINITY,
+            scene: vec![Shape::Mesh { mesh: object.clone(), start_m: None }],
+            tool_diameter_m: 0.0,
         };
         let device = PenObjectSettings {
             object_kg: settings.object_g.si(),

@@ -2,6 +2,7 @@
 
 use super::ground::Ground;
 use super::{arm, pen};
+use crate::contact::shape::Shape;
 use haptograph_engine::device::Device;
 
 /// A surface in space, and its stiffness under a hand.
@@ -13,6 +14,10 @@ pub struct Touchable {
     pub gives_n_per_m: f64,
     /// Width of the surface, m; infinite for a plane.
     pub across_m: f64,
+    /// The shapes that the device's tool can touch.
+    pub scene: Vec<Shape>,
+    /// Diameter of the ball at the tool's tip, m.
+    pub tool_diameter_m: f64,
 }
 
 impl Touchable {

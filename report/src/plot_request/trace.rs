@@ -75,7 +75,7 @@ fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64
 
 impl Trace {
     /// The empty trace of a signal for a plot of this form.
-    pub fn of(stream: Stream, form: Form) -> Self {
+    pub(crate) fn of(stream: Stream, form: Form) -> Self {
         let content = match form == Form::OverTime && stream.kind != Kind::EVENT {
             true => TraceContent::Signal(Envelope::new(stream.rate.hz())),
             false => TraceContent::Points(Decimated::new(MAX_POINTS)),

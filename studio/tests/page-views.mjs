@@ -1,0 +1,103 @@
+// What is seen of a graph: its plots, the object that is touched, and scopes of what moves.
+import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { HOME, open, picture, programTest, stroke, studioOf, until } from "./harness.mjs";
+
+const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const STROKE_MS = 4500; // longer than a scope that does not move stays
+const PLOTS = ["time", "xy", "path"];
+
+// Every graph beside the repository's own and in its cookbook.
+const shipped = ["graphs", "graphs/cookbook"].flatMap((folder) =>
+    readdirSync(join(HOME, folder))
+        .filter((name) => name.endsWith(".ron"))
+        .map((name) => join(folder, name)),
+);
+
+const pageOf = async (graph, options = {}) => {
+    const served = await studioOf(graph);
+    const page = await open({ at: served.address, ...options });
+    const end = async () => {
+        await page.context().close();
+        await served.end();
+    };
+    return { page, end };
+};
+
+// The place of the first plot, which is chosen if it is not shown.
+async function firstPlot(page) {
+    const plot = await page.evaluate((forms) => {
+        const [first] = studio.graph.plots;
+        return first ? `plot ${first.name}` : studio.shownViews().find(({ form }) => forms.includes(form))?.id;
+    }, PLOTS);
+    if (!plot) return null;
+    if (!(await page.evaluate((id) => studio.shownViews().some((view) => view.id === id), plot)))
+        await page.selectOption(".view-choice >> nth=0", plot);
+    return plot;
+}
+
+const moves = (page, id) => page.evaluate((wanted) => studio.shownViews().find((view) => view.id === wanted).moves, id);
+
+// What is wrong with what is seen of a graph while its first pad is stroked.
+async function faultsOf(page) {
+    const plot = await firstPlot(page);
+    const hasPad = await page.evaluate(() => studio.graph.pads.length > 0);
+    let moved = plot === null;
+    const look = async () => (moved ||= await moves(page, plot));
+    if (hasPad) await stroke(page, 0.5, STROKE_MS, look);
+    else await page.waitForTimeout(STROKE_MS);
+    await look();
+    const { still, texts } = await page.evaluate(() => {
+        const names = [...document.querySelectorAll(".scope")].map((scope) => scope.getAttribute("aria-label"));
+        const others = studio.graph.ports.some(({ name }) => studio.motion.moves(name) && !names.includes(name));
+        const texts = [...document.querySelectorAll(".view-text")].map((text) => text.textContent);
+        return { still: others ? names.filter((name) => !studio.motion.moves(name)) : [], texts };
+    });
+    return [
+        ...(moved ? [] : [`${plot} does not move (${texts.join("; ")})`]),
+        ...still.map((name) => `the scope of ${name} does not move`),
+    ];
+}
+
+programTest("the first plot of every graph moves while its first pad is stroked, and so does every scope", async () => {
+    const faults = [];
+    for (const graph of shipped) {
+        const opened = await pageOf(graph).catch((error) => ({ error }));
+        if (opened.error) {
+            assert.match(opened.error.message, /one driver clock/, graph); // such a graph has no page
+            continue;
+        }
+        faults.push(...(await faultsOf(opened.page)).map((fault) => `${graph}: ${fault}`));
+        await picture(opened.page, `views-${graph.replaceAll("/", "-")}`);
+        await opened.end();
+    }
+    assert.deepEqual(faults, []);
+});
+
+programTest("views are chosen by the keyboard and kept, one alone or several, and axe finds nothing", async () => {
+    const { page, end } = await pageOf("graphs/omni.ron");
+    const shown = () => page.evaluate(() => studio.shownViews().map(({ id }) => id));
+    const before = await shown();
+    assert(before.length > 1 && before[0].startsWith("map"), before.join());
+    await page.focus(".view-choice >> nth=0");
+    await page.keyboard.press("ArrowDown");
+    const after = await shown();
+    assert.deepEqual(after.slice(0, 2), [before[1], before[0]], "the other view does not change places");
+    await page.focus(".view-bar button");
+    await page.keyboard.press("Enter");
+    assert.equal((await shown()).length, 1);
+    await page.reload();
+    await until(page, () => studio.graph && studio.shownViews().length > 0);
+    assert.deepEqual(await shown(), after.slice(0, 1));
+    await page.click(".view-bar button");
+    assert.deepEqual(await shown(), after);
+    await page.evaluate(AXE);
+    const { violations } = await page.evaluate(() => axe.run({ include: ["#views-panel", "#scopes-panel"] }));
+    assert.deepEqual(
+        violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ target }) => target).join(" ")}`),
+        [],
+    );
+    await end();
+});
