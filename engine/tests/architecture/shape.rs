@@ -14,38 +14,41 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 11] = [
-    ("signal", 5_810, 4_800),
-    // 85 for files of settings that are no graphs, and maps from names as settings.
-    ("engine", 19_560, 15_500),
+    // 96 for files that a page writes, and its clock.
+    ("signal", 5_910, 4_800),
+    // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends.
+    ("engine", 19_675, 15_500),
     // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks.
     ("surfaces", 7_550, 6_000),
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
     // their files; 170 for clips.
     ("learning", 15_400, 9_500),
     // 155 for materials that stick and slip, strokes from rest, and static friction.
-    ("nodes", 14_415, 13_000),
-    ("live", 6_510, 6_000),
-    ("report", 7_975, 6_000),
+    ("nodes", 14_425, 13_000),
+    ("live", 6_515, 6_000),
+    // 99 for overviews of graphs.
+    ("report", 8_075, 6_000),
     // Studies with people, new in this house: document, orders, sessions, data, statistics, figures.
     ("study", 5_565, 3_600),
-    ("studio", 5_565, 3_300),
-    // 1,300 for `study`, `thesis` and `surface headroom`.
-    ("src", 10_585, 6_300),
+    // 225 for studies that run in a page, 145 for controls of all inputs, 65 for the views of a graph.
+    ("studio", 6_000, 3_300),
+    // 1,320 for `study`, `thesis` and `surface headroom`.
+    ("src", 10_605, 6_300),
     ("bindings", 3_450, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 11] = [
-    ("signal", 365),
-    ("engine", 733),
+    ("signal", 381),
+    ("engine", 734),
     ("surfaces", 387),
     ("learning", 379),
     ("nodes", 412),
     ("live", 228),
-    ("report", 157),
-    ("study", 220),
-    ("studio", 50),
+    ("report", 158),
+    ("study", 216),
+    ("studio", 54),
     ("src", 20),
     ("bindings", 45),
 ];
