@@ -387,7 +387,7 @@ programTest("the editor completes, explains and saves, and not over what somebod
     try {
         await drop(page, "none.csv", "text/csv", "a,b\n1,2\n");
         assert.match(await answer(), /none\.csv was not learned: .+/);
-        await page.click(".surface-message button");
+        await page.click(".surface-message button >> text=Close");
         const before = await page.evaluate(() => studio.graph.surfaces.length);
         const table = readFileSync(join(HOME, "examples/data/t3-tile-drag-simulated.csv"), "utf8");
         const dropped_ms = performance.now();
