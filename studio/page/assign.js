@@ -14,6 +14,7 @@ export class Assignments {
     #sources = {}; // by id of a control
     #learning = null; // the id of a control
     #midi = null;
+    #down = []; // keys
     #axes = new Map(); // where axes stood when learning began, and their latest value
 
     constructor(studio) {
@@ -26,6 +27,7 @@ export class Assignments {
         });
         window.addEventListener("keydown", (event) => this.#key(event, 1), true);
         window.addEventListener("keyup", (event) => this.#key(event, 0), true);
+        window.addEventListener("blur", () => this.#letGo());
         everyFrame(() => this.#poll());
     }
 
@@ -128,30 +130,41 @@ export class Assignments {
         if (kind === 14) this.#hear(`midi:bend:${channel}`, ((value << 7) | number) / 16383);
     }
 
+    // Keys that are down when the page loses the keyboard are let go.
+    #letGo() {
+        for (const source of this.#down.splice(0)) this.#hear(source, 0);
+    }
+
     // STOP's keys and those that a field or a control uses stay theirs.
     #key(event, part) {
+        const source = `key:${event.code}`;
+        if (part === 0 && this.#down.includes(source)) {
+            this.#down = this.#down.filter((down) => down !== source);
+            return this.#hear(source, 0);
+        }
         if (event.repeat || event.key === "Escape" || event.key === "." || event.key === "Tab" || event.ctrlKey || event.metaKey || event.altKey)
             return;
-        const source = `key:${event.code}`;
         const isOwn = this.#learning ? !SOURCE.test(source) : takesText(event.target) || !Object.values(this.#sources).includes(source);
         if (isOwn || (this.#learning && part === 0)) return;
         event.preventDefault();
         event.stopPropagation();
+        if (part > 0) this.#down.push(source);
         this.#hear(source, part);
     }
 
     #poll() {
         if (!this.#learning && !Object.values(this.#sources).some((source) => source.startsWith("pad:"))) return;
         for (const gamepad of navigator.getGamepads?.() ?? []) {
-            gamepad?.axes.forEach((value, i) => this.#axis(`pad:axis:${i}`, (value + 1) / 2, MOVED));
-            gamepad?.buttons.forEach(({ value }, i) => this.#axis(`pad:button:${i}`, value, 0.5));
+            gamepad?.axes.forEach((value, i) => this.#axis([gamepad.index, `pad:axis:${i}`], (value + 1) / 2, MOVED));
+            gamepad?.buttons.forEach(({ value }, i) => this.#axis([gamepad.index, `pad:button:${i}`], value, 0.5));
         }
     }
 
     // An axis that moves is heard; to be learned it has to go far.
-    #axis(source, part, far) {
-        const known = this.#axes.get(source) ?? { began: part, last: part };
-        this.#axes.set(source, { ...known, last: part });
+    #axis([controller, source], part, far) {
+        const axis = `${controller} ${source}`; // of several controllers each has its own
+        const known = this.#axes.get(axis) ?? { began: part, last: part };
+        this.#axes.set(axis, { ...known, last: part });
         if (this.#learning ? Math.abs(part - known.began) > far : part !== known.last) this.#hear(source, part);
     }
 

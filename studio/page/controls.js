@@ -211,15 +211,23 @@ function linkPreset(studio) {
     const bytes = new TextEncoder().encode(JSON.stringify(presetOf(studio)));
     const text = btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
     if (text.length > MAX_LINK) return studio.say("bad", `The preset is too long for an address (${text.length} letters, at most ${MAX_LINK}): save it to a file`);
-    history.replaceState(null, "", HASH + text);
-    navigator.clipboard?.writeText(location.href).catch(() => {});
-    studio.say("good", "The address of this page has the preset now");
+    // The token of a studio is nobody else's.
+    const address = new URL(location.href);
+    address.searchParams.delete("token");
+    address.hash = HASH + text;
+    find("preset-link").dataset.address = address.href;
+    const copied = navigator.clipboard?.writeText(address.href) ?? Promise.reject();
+    copied.then(
+        () => studio.say("good", "The address with the preset was copied"),
+        () => studio.say("note", `Copy the address with the preset: ${address.href}`),
+    );
 }
 
 // Loads the preset of the page's address, if it has one.
 async function loadLink(studio) {
     if (!location.hash.startsWith(HASH)) return;
     const text = location.hash.slice(HASH.length);
+    history.replaceState(null, "", location.pathname + location.search); // a reload keeps what was changed since
     const where = "The preset in the page's address";
     if (text.length > MAX_LINK) return studio.say("bad", `${where} has ${text.length} letters, at most ${MAX_LINK}`);
     const letter = text.search(/[^A-Za-z0-9_-]/);

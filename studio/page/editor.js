@@ -34,14 +34,15 @@ function followDisk(studio, state, act) {
     let onDisk = null;
     const decide = (takes) => {
         find("disk").hidden = true;
-        if (!takes) return;
+        if (!takes) return studio.connection.send({ type: "keep" });
         replace(state, onDisk);
         act.apply();
     };
     studio.connection.on("disk", ({ text }) => {
         if (studio.status?.owner === false || text === textOf(state)) return;
         onDisk = text;
-        const isChanged = textOf(state) !== state.engine || !state.saved;
+        // Nothing changes by itself under a hand that holds an armed actuator.
+        const isChanged = textOf(state) !== state.engine || !state.saved || studio.status?.armed_gain > 0;
         if (!isChanged) return decide(true);
         find("disk").hidden = false;
         studio.say("warn", "Another program changed the graph's file: choose in the editor whose text runs");

@@ -53,11 +53,13 @@ export class PageEngine {
         const { path, set, rate_hz } = study ?? graphs.find(({ name }) => name === wanted) ?? graphs[0];
         if (study) this.store ??= await StudyStore.open(this.address.pathname);
         const encoder = new TextEncoder();
+        await this.#keeping; // what is being written is read
         const kept = await this.kept();
         const files = shipped.concat(kept.map(({ path, bytes }) => ({ path: encoder.encode(path), bytes })));
         const opened = encoder.encode(JSON.stringify(study ? { study: path } : { graph: path, set }));
         if (!this.context) await this.#openContext(rate_hz);
         this.node?.disconnect();
+        this.number = crypto.randomUUID();
         const processorOptions = { wasm, files, opened };
         this.node = new AudioWorkletNode(this.context, "engine", {
             numberOfInputs: 0,

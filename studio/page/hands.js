@@ -95,7 +95,7 @@ export class Hands {
             this.onpress?.();
             this.#hands.set(who, { who, pad: this.#numberOf(who), isInput: true, samples: [], sent_ms: 0 });
         }
-        const [x, y = 0.5, z = 0.5] = parts;
+        const [x, y = 0.5, z = 0.5] = parts.map((part) => Math.max(0, Math.min(1, part)));
         const at = { x_mm: REACH_MM * (2 * x - 1), y_mm: REACH_MM * (2 * y - 1), tilt_x_deg: 90 * (2 * z - 1), tilt_y_deg: 0 };
         this.move(who, [{ ...at, force_n: 1, time_ms: performance.now() }]);
         return true;
@@ -147,6 +147,11 @@ export class Hands {
         this.#hands.delete(who);
         const last = hand.samples.at(-1);
         if (last && !hand.isShown) this.#send(hand, [{ ...last, force_n: 0, time_ms: performance.now() }]);
+    }
+
+    // Lets go of all inputs, without a word: another page has them, or none.
+    forgetInputs() {
+        for (const [who, { isInput }] of this.#hands) if (isInput) this.#hands.delete(who);
     }
 
     // Lifts all hands from the pads; inputs stay where they were put.

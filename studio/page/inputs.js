@@ -24,6 +24,9 @@ export function inputsSection(studio, label = "Inputs") {
 export function mountPadInputs(studio) {
     let shown = null,
         shape = null;
+    // What another page took, or a lost connection let go, is not taken again by itself.
+    studio.connection.on("status", ({ owner }) => owner === false && studio.pad.hands.forgetInputs());
+    studio.connection.on("lost", () => studio.pad.hands.forgetInputs());
     studio.on("graph", ({ pads, inputs }) => {
         const now = JSON.stringify([pads.length, inputs]);
         if (now === shape) return;

@@ -203,7 +203,6 @@ function mountDemo(studio, hands) {
     choice.replaceChildren(...Object.entries(GESTURES).map(([value, text]) => make("option", { value, text })));
     choice.addEventListener("change", () => {
         demo.gesture = choice.value;
-        if (!demo.running) demo.start();
         demo.change();
     });
     everyFrame(() => {

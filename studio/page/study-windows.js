@@ -5,7 +5,6 @@ const MARK = "haptograph-study";
 
 // In the experimenter's window: lets the participant's in, and notices when it is gone. The latest one counts.
 export function letIn(engine) {
-    const own = crypto.randomUUID();
     let guest = null;
     let heard_ms = 0;
     const leave = () => {
@@ -13,7 +12,8 @@ export function letIn(engine) {
         engine.letOut();
     };
     window.addEventListener("message", ({ data, origin, source }) => {
-        if (origin !== location.origin || data?.[MARK] !== "participant") return;
+        if (origin !== location.origin || data?.[MARK] !== "participant" || !engine.node) return;
+        const own = engine.number; // another one after the engine was opened again
         if (data.leaves) return data.guest === guest && leave();
         const isNew = data.engine !== own || guest === null;
         if (isNew) guest = data.guest;

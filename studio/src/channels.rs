@@ -129,20 +129,20 @@ fn usual(quantity: Quantity, first: f64) -> [f64; 2] {
     if first > range[1] { [-2.0 * first, 2.0 * first] } else { range }
 }
 
-/// Divides the endpoints of a hosted graph into pads and others, with whether these are one number as a fader's; an endpoint for which `stays` is true is not a pad.
+/// Divides the endpoints of a hosted graph into pads and others; an endpoint for which `stays` is true is not a pad.
 /// `simulated` loads the same graph with its own endpoints, which state what their hands touch; it is called
 /// only if needed.
 pub(crate) fn sort(
     hosted: &Graph,
     stays: impl Fn(&str) -> bool,
     simulated: impl FnOnce() -> Option<Graph>,
-) -> (Vec<PadSpec>, Vec<(String, bool)>) {
+) -> (Vec<PadSpec>, Vec<String>) {
     let (mut pads, mut others) = (Vec::new(), Vec::new());
     let mut touched = None;
     let mut simulated = Some(simulated);
     for (endpoint, channels) in endpoints(hosted) {
         if stays(&endpoint) {
-            others.push((endpoint, false));
+            others.push(endpoint);
             continue;
         }
         let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
@@ -161,7 +161,7 @@ pub(crate) fn sort(
         });
         match on.flatten() {
             Some(on) => pads.push(laid_on(endpoint, known, on)),
-            None => others.push((endpoint, channels == [("value", Kind::SCALAR)])),
+            None => others.push(endpoint),
         }
     }
     (pads, others)

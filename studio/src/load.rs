@@ -113,14 +113,11 @@ impl Source {
         let stays = |endpoint: &str| is_real(endpoint) && is_driven(endpoint);
         let (pads, others) =
             channels::sort(&hosted, stays, || check(&document, &self.registry, &options).ok());
-        // What an actuator answers is not moved.
-        let is_lent = |(endpoint, is_number): &(String, bool)| {
-            !is_driven(endpoint) && (!is_real(endpoint) || *is_number)
-        };
+        // What an actuator answers, and what a real device senses, no page replaces.
+        let is_lent = |endpoint: &String| !is_driven(endpoint) && !is_real(endpoint);
         let (lent, others): (Vec<_>, Vec<_>) = others.into_iter().partition(is_lent);
-        let others = others.into_iter().map(|(endpoint, _)| endpoint).collect();
         options.hosted = Hosted::Also(pads.iter().map(|pad| pad.endpoint.clone()).collect());
-        options.lent = lent.into_iter().map(|(endpoint, _)| endpoint).collect();
+        options.lent = lent;
         let value = |name: &str, default: &str| {
             let set = self.set.iter().rev().find(|(known, _)| known == name);
             set.map_or_else(|| default.to_owned(), |(_, value)| value.clone())

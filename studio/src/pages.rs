@@ -55,6 +55,8 @@ pub(crate) struct Pages {
     pub owner: Option<u64>,
     /// Number of the page that comes next.
     pub next: u64,
+    /// What another program wrote into the graph's file, until a page takes or refuses it.
+    pub disk: Option<String>,
     /// The study that they conduct, if they do.
     pub study: Option<OnStage>,
 }

@@ -62,7 +62,9 @@ pub(crate) fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u6
     }
     let hello = describe::hello(&stage.source.registry, &stage.host, reach);
     let graph = describe::graph(stage);
-    (stage.join(line, reach), vec![text(&hello), text(&graph)])
+    let disk = stage.pages.disk.as_ref().filter(|_| reach == Reach::Machine);
+    let disk = disk.map(|now| text(&json!({ "type": "disk", "text": now })));
+    (stage.join(line, reach), [text(&hello), text(&graph)].into_iter().chain(disk).collect())
 }
 
 /// Handles a message, except for work that takes long.
@@ -191,6 +193,12 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
             let begun = stage.start_replay(recording);
             return Response::Answer(reply(request, begun));
         }
+        ClientMessage::Keep => {
+            if let Some(disk) = stage.pages.disk.take() {
+                stage.on_disk = disk;
+            }
+        }
+
         ClientMessage::Save { request, text } => return done_later(request, Work::Save(text)),
         ClientMessage::Learn { request, dropped } => return Response::Learn { request, dropped },
         _ => {}
@@ -204,6 +212,9 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
 /// [`StageError`] if it cannot be swapped in.
 pub(crate) fn put(stage: &mut Stage, source: Source, loaded: Loaded) -> Result<String, StageError> {
     let change = stage.swap(source, loaded)?;
+    if let Some(disk) = stage.pages.disk.take_if(|disk| *disk == stage.loaded.text) {
+        stage.on_disk = disk;
+    }
     tell_graph(stage);
     Ok(change)
 }

@@ -69,6 +69,8 @@ pub(crate) enum ClientMessage {
         request: u64,
         text: String,
     },
+    /// The page's text stays, whatever another program wrote into the file.
+    Keep,
     /// Send these ports.
     Scope {
         ports: Vec<ScopeRequest>,
@@ -126,6 +128,7 @@ impl ClientMessage {
             Self::Apply { .. }
                 | Self::Check { .. }
                 | Self::Save { .. }
+                | Self::Keep
                 | Self::Learn { .. }
                 | Self::Cancel { .. }
                 | Self::Record { .. }

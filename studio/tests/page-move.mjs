@@ -162,6 +162,7 @@ test("the speed in the engine is that of the gesture", async (page) => {
             },
             [port, gesture],
         );
+        await demo(page, true);
         await page.waitForTimeout(4200);
         const { times, speeds, stroked } = await page.evaluate(() => {
             const [trace, times, speeds] = [studio.speedTrace.copy(), [], []];
@@ -266,8 +267,9 @@ programTest("a knob, an axis and a key are learned, kept and in the address", as
         // In the page's address, also in another browser.
         await page.evaluate(() => studio.set("out.gain", 0.5));
         await page.click("#preset-link");
-        const address = page.url();
-        const other = await open({ at: address });
+        const link = new URL(await page.getAttribute("#preset-link", "data-address"));
+        assert(!link.searchParams.has("token"), "the token is given away");
+        const other = await open({ at: own.address + link.hash });
         await other.evaluate(() => studio.own());
         await until(other, () => studio.values.get("out.gain") === 0.5 && studio.assignments.sources["out.gain"] === "key:KeyK");
         const says = (pattern) => until(other, (text) => new RegExp(text).test(document.getElementById("status-text").textContent), pattern);

@@ -205,9 +205,16 @@ impl Draw {
         for pair in pairs {
             let is_of_pair = |trial: &&mut Trial| (trial.first, trial.second) == (pair.first, pair.second);
             let own: Vec<&mut Trial> = trials.iter_mut().filter(is_of_pair).collect();
-            let others = self.even(own.len());
-            let turned = own.into_iter().zip(others).filter(|(_, is_other)| *is_other);
-            turned.for_each(|(trial, _)| std::mem::swap(&mut trial.first, &mut trial.second));
+            // Which of the two X is, crossed with the place of the first.
+            let cells = [[0, 3, 1, 2], [3, 0, 2, 1]][self.below(2)];
+            let from = 2 * self.below(2);
+            let cells = self.shuffled((0..own.len()).map(|at| cells[(at + from) % 4]).collect());
+            for (trial, cell) in own.into_iter().zip(cells) {
+                trial.is_swapped = cell >= 2;
+                if cell % 2 == 1 {
+                    std::mem::swap(&mut trial.first, &mut trial.second);
+                }
+            }
         }
         trials
     }

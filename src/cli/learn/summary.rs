@@ -103,9 +103,11 @@ pub(super) fn beside(surface: &Surface, learned: &LearningReport, settings: &Lea
             let orders = report.segments.iter().map(|segment| segment.order as f64).collect::<Vec<_>>();
             rows.constant("minimum segment", method.segmentation.min_span);
             rows.constant("largest AR order", method.segmentation.max_order);
-            rows.constant("canvas segments", segments);
-            rows.constant("canvas mean segment as a time", 1e3 * seconds / segments as f64);
-            rows.constant("canvas median order", median(&orders));
+            let is_canvas = surface.name.to_lowercase().contains("canvas");
+            rows.constant("canvas segments", is_canvas.then_some(segments));
+            let mean_ms = 1e3 * seconds / segments as f64;
+            rows.constant("canvas mean segment as a time", is_canvas.then_some(mean_ms));
+            rows.constant("canvas median order", is_canvas.then(|| median(&orders)));
         }
     }
     let taps = surface.taps.as_ref().filter(|_| learned.taps.is_some());

@@ -72,11 +72,11 @@ impl Stage {
     /// Tells the pages of this machine that another program changed the graph's file.
     pub(crate) fn follow_disk(&mut self) {
         let Ok(now) = self.source.read() else { return };
-        if now != self.on_disk {
+        if now != self.on_disk && self.pages.disk.as_ref() != Some(&now) {
             let message = text(&serde_json::json!({ "type": "disk", "text": now }));
             let own = self.pages.list.iter_mut().filter(|page| page.reach == Reach::Machine);
             own.for_each(|page| page.send(message.clone()));
-            self.on_disk = now;
+            self.pages.disk = Some(now);
         }
     }
 

@@ -6,6 +6,7 @@ use super::super::clock::Clock;
 use super::super::error::{StageError, other};
 use super::super::load::{Loaded, Source};
 use super::super::pads::Pad;
+use super::super::pointer::Pointer;
 use super::super::scope::{self, Scope};
 use super::Stage;
 use haptograph_engine::graph::Graph;
@@ -73,7 +74,13 @@ impl Stage {
                 |place| Ok(before.swap_remove(place)),
             )
         };
-        next.inputs.iter().map(input).collect()
+        let inputs = next.inputs.iter().map(input).collect();
+        // What is not read any more is given back: a page that cannot release it would silence it.
+        let now_s = self.now_s();
+        for (pad, pointer) in before.iter_mut().filter_map(|pad| pad.held().map(|pointer| (pad, pointer))) {
+            pad.move_to(now_s, &Pointer { force_n: 0.0, ..pointer });
+        }
+        inputs
     }
 
     /// Reason why a graph cannot be swapped in without a new run.

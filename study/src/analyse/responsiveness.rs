@@ -77,9 +77,11 @@ impl Analysis {
     pub(super) fn surfaces(&mut self, (study, answers): (&Checked, &[Row])) -> Vec<(String, Surface)> {
         let mut surfaces = Vec::new();
         for (name, of) in &study.study.surfaces.0 {
+            // The hash is that of the second stimulus if it is virtual, else of the first.
             let is_of = |row: &&Row| {
-                let names = [&row.first_surface, &row.second_surface];
-                names.contains(&&name.text) && !row.surface_sha256.is_empty()
+                let is_second = !matches!(&*row.second_version, "" | "real");
+                let hashed = if is_second { &row.second_surface } else { &row.first_surface };
+                *hashed == name.text && !row.surface_sha256.is_empty()
             };
             let (Some(file), Some(row)) = (&of.file, answers.iter().find(is_of)) else { continue };
             let what = format!("surface {}", name.text);
