@@ -20,7 +20,7 @@ use std::time::Duration;
 use std::time::{SystemTime, UNIX_EPOCH};
 use thiserror::Error;
 
-/// Time since the beginning of 1970, UTC; in a page, what the page said last by [`set_clock`].
+/// Time since the beginning of 1970, UTC; in a page, what the page said last by `set_clock`.
 pub fn since_1970() -> Duration {
     #[cfg(not(target_family = "wasm"))]
     return SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
