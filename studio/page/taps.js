@@ -6,7 +6,7 @@ const UNSETTLED_MS = 250; // how long messages that were under way may still fol
 
 export class Taps {
     #connection;
-    #slots = []; // { trace, since_ms }: the places of the latest list
+    #slots = []; // { trace, since_ms } or null: the places of the latest list
     #pending = false;
     #offset_s = null; // run time less the page's own
 
@@ -19,30 +19,30 @@ export class Taps {
 
     // The trace of a port, sent from now on until it is released; null if all slots are taken.
     watch(name, raw = false) {
-        let slot = this.#slots.find(({ trace }) => trace.name === name && trace.raw === raw);
+        let slot = this.#slots.find((slot) => slot?.trace.name === name && slot.trace.raw === raw);
         if (!slot) {
-            if (this.#slots.length >= MOST_PORTS) return null;
-            slot = { trace: new Trace(name, raw), since_ms: performance.now() };
-            this.#slots.push(slot);
+            const free = this.#slots.indexOf(null);
+            const at = free < 0 ? this.#slots.length : free;
+            if (at >= MOST_PORTS) return null;
+            slot = this.#slots[at] = { trace: new Trace(name, raw), since_ms: performance.now() };
             this.#announce();
         }
         slot.trace.users++;
         return slot.trace;
     }
 
-    // Ends one use. The last slot moves into the free one, so the others keep theirs.
+    // Ends one use. Its place stays empty until another trace takes it: the others keep theirs, and lose nothing.
     release(trace) {
         if (!trace || --trace.users > 0) return;
-        const at = this.#slots.findIndex((slot) => slot.trace === trace);
+        const at = this.#slots.findIndex((slot) => slot?.trace === trace);
         if (at < 0) return;
-        const last = this.#slots.pop();
-        if (last.trace !== trace) this.#slots[at] = { trace: last.trace, since_ms: performance.now() };
+        this.#slots[at] = null;
         this.#announce();
     }
 
     // The traces that are sent now.
     get traces() {
-        return this.#slots.map(({ trace }) => trace);
+        return this.#slots.flatMap((slot) => slot?.trace ?? []);
     }
 
     // The time of the run, interpolated by the page's clock.
@@ -55,12 +55,12 @@ export class Taps {
         this.#pending = true;
         queueMicrotask(() => {
             this.#pending = false;
-            this.#connection.send({ type: "scope", ports: this.#slots.map(({ trace: { name, raw } }) => ({ name, raw })) });
+            this.#connection.send({ type: "scope", ports: this.#slots.map(portOf) });
         });
     }
 
     #restart() {
-        for (const { trace } of this.#slots) trace.clear();
+        for (const trace of this.traces) trace.clear();
         this.#offset_s = null;
         this.#announce();
     }
@@ -78,3 +78,6 @@ export class Taps {
         else this.#offset_s += error_s * (error_s > 0 ? 0.05 : 0.005);
     }
 }
+
+// An empty place asks for no port.
+const portOf = (slot) => ({ name: slot?.trace.name ?? "", raw: slot?.trace.raw ?? false });
