@@ -103,7 +103,7 @@ pub(super) fn beside(surface: &Surface, learned: &LearningReport, settings: &Lea
             let orders = report.segments.iter().map(|segment| segment.order as f64).collect::<Vec<_>>();
             rows.constant("minimum segment", method.segmentation.min_span);
             rows.constant("largest AR order", method.segmentation.max_order);
-            let is_canvas = surface.name.to_lowercase().contains("canvas");
+            let is_canvas = is_material(&surface.name, "T2 Canvas");
             rows.constant("canvas segments", is_canvas.then_some(segments));
             let mean_ms = 1e3 * seconds / segments as f64;
             rows.constant("canvas mean segment as a time", is_canvas.then_some(mean_ms));
