@@ -1,7 +1,7 @@
 //! The swap of the running graph for another.
 
 use super::super::actuators::{driven, has_real};
-use super::super::channels::InputPad;
+use super::super::channels::{InputPad, PadSpec};
 use super::super::clock::Clock;
 use super::super::error::{StageError, other};
 use super::super::load::{Loaded, Source};
@@ -49,7 +49,7 @@ impl Stage {
                 self.signals.scopes.extend(frames.map(|frames| Scope::of(port, frames)));
             }
         }
-        self.signals.inputs = self.inputs_of(&next)?;
+        self.signals.inputs = self.inputs_of(&mut next)?;
         (self.loaded, self.source) = (next, source);
         // The new pads have the same channels.
         for (pad, spec) in self.signals.pads.iter_mut().zip(&self.loaded.pads) {
@@ -59,20 +59,20 @@ impl Stage {
         Ok(changed.change.to_string())
     }
 
-    /// The inputs of a graph that took over: those of devices that went on are kept.
-    fn inputs_of(&mut self, next: &Loaded) -> Result<Vec<Pad>, StageError> {
+    /// The inputs of a graph that took over: those of devices that went on are kept. A channel of such a device that is read anew is no
+    /// input before the next run, since the device does not listen to it.
+    fn inputs_of(&mut self, next: &mut Loaded) -> Result<Vec<Pad>, StageError> {
         let mut before = std::mem::take(&mut self.signals.inputs);
         let device = |graph: &Graph, name: &str| {
             let mut devices = graph.devices().iter();
             devices.find(|device| device.name == name).map(|device| device.fingerprint)
         };
+        let (was, is) = (&self.loaded.graph, &next.graph);
+        let goes_on = |spec: &PadSpec| device(was, &spec.endpoint) == device(is, &spec.endpoint);
+        next.inputs.retain(|input| !goes_on(&input.pad) || before.iter().any(|pad| pad.is_of(&input.pad)));
         let input = |InputPad { pad: spec, .. }: &InputPad| {
-            let [was, is] = [&self.loaded.graph, &next.graph].map(|graph| device(graph, &spec.endpoint));
-            let place = before.iter().position(|pad| pad.is_of(spec)).filter(|_| was == is);
-            place.map_or_else(
-                || Pad::of(&next.graph, spec).map_err(other),
-                |place| Ok(before.swap_remove(place)),
-            )
+            let place = before.iter().position(|pad| pad.is_of(spec)).filter(|_| goes_on(spec));
+            place.map_or_else(|| Pad::of(is, spec).map_err(other), |place| Ok(before.swap_remove(place)))
         };
         let inputs = next.inputs.iter().map(input).collect();
         // What is not read any more is given back: a page that cannot release it would silence it.
