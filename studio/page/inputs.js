@@ -4,9 +4,6 @@ import { controlRow } from "./control.js";
 import { find, make, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
 
-// How the devices that move inputs by themselves are named.
-const BY = { true: "moved by the graph", false: "moved by its real device" };
-
 // A section with all inputs of the graph; null if it has none. `dispose` ends its listening.
 export function inputsSection(studio, label = "Inputs") {
     const made = studio.graph.inputs.map((input) => inputRows(studio, input));
@@ -76,11 +73,10 @@ function inputRows(studio, input) {
     const state = make("span", { class: "soft clip" });
     const back = make("button", { text: "As the graph has it", "aria-label": `${name}: as the graph has it`, onclick: () => (hands.release(input), show()) });
     const field = lanes.length > 1 ? xyField(parts, (x, y) => (set(0, min + x * (max - min)), set(1, min + y * (max - min)))) : null;
-    const isSimulated = studio.graph.devices.find((device) => device.name === input.endpoint)?.simulated !== false;
     const show = () => {
         const held = hands.holds(input);
         back.disabled = !held;
-        setText(state, held ? "held by you" : BY[isSimulated]);
+        setText(state, held ? "held by you" : "moved by the graph");
         if (!held) follow();
         listeners.forEach((listener) => listener());
         field?.show(parts);

@@ -198,7 +198,6 @@ fn act_as_owner(stage: &mut Stage, page: u64, message: ClientMessage) -> Respons
                 stage.on_disk = disk;
             }
         }
-
         ClientMessage::Save { request, text } => return done_later(request, Work::Save(text)),
         ClientMessage::Learn { request, dropped } => return Response::Learn { request, dropped },
         _ => {}
