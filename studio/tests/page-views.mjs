@@ -45,6 +45,8 @@ const moves = (page, id) => page.evaluate((wanted) => studio.shownViews().find((
 async function faultsOf(page) {
     const plot = await firstPlot(page);
     const hasPad = await page.evaluate(() => studio.graph.pads.length > 0);
+    // A press that comes before the first samples is not seen.
+    await until(page, () => studio.taps.traces.every(({ written }) => written > 0), null, 5000).catch(() => {});
     let moved = plot === null;
     const look = async () => (moved ||= await moves(page, plot));
     if (hasPad) await stroke(page, 0.5, STROKE_MS, look);
