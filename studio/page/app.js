@@ -89,6 +89,7 @@ class Studio extends Emitter {
         this.connection.send({ type: "stop" });
         this.stop_ms = performance.now();
         this.sound.cut();
+        this.silence();
         this.pad.hands.liftAll();
         if (this.status) this.#follow(this.status);
         if (this.lost) this.#sayLost();
@@ -248,7 +249,7 @@ const printed = (unit) =>
           );
 
 const studio = new Studio();
-studio.showTab = studio.say = () => {};
+studio.showTab = studio.say = studio.silence = () => {}; // `silence` ends what is listened to
 mountTabs(studio);
 studio.sound = new Sound(studio);
 studio.pad = mountPad(studio);

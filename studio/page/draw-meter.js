@@ -40,15 +40,14 @@ function drawBar(context, box, y, height, name, part, mark, text) {
     context.fillStyle = colours.soft;
     context.font = FONT;
     context.fillText(name, 10, y + height / 2 + 4);
-    context.fillStyle = colours.tint6;
-    context.beginPath();
-    context.roundRect(box.left, y, box.width, height, 4);
-    context.fill();
-    context.save();
-    context.clip();
-    context.fillStyle = part > 0.98 ? colours.bad : part > (mark ?? 0.8) ? colours.ink1 : colours.ink2;
-    context.fillRect(box.left, y, width, height);
-    context.restore();
+    const bar = (to, colour) => {
+        context.fillStyle = colour;
+        context.beginPath();
+        context.roundRect(box.left, y, to, height, Math.min(4, to / 2));
+        context.fill();
+    };
+    bar(box.width, colours.tint6);
+    bar(width, part > 0.98 ? colours.bad : part > (mark ?? 0.8) ? colours.ink1 : colours.ink2);
     if (mark && mark < 1) {
         context.fillStyle = colours.bad;
         context.fillRect(box.left + box.width * mark - 1, y - 2, 2, height + 4);

@@ -20,33 +20,34 @@ export function plotView(studio, { fill, say }, view) {
         "aria-label": `${view.title}: ${view.signals.map(({ label }) => label).join(", ")}`,
     });
     fill.append(canvas);
-    const plot = {
-        view,
-        traces: view.signals.map(({ name, rate_hz, kind }) => studio.taps.watch(name, kind === "event" && rate_hz > 4000)),
-    };
+    const traces = view.signals.map(({ name, rate_hz, kind }) => studio.taps.watch(name, kind === "event" && rate_hz > 4000));
+    const plot = { view, traces }; // during a pause, copies
     plot.curves = view.signals.map(() => new Points());
     let drawn = null; // samples that the drawing has; null where it has to be drawn again
     const again = () => (drawn = null);
     const surface = new Surface(canvas, again);
     const ends = [onTheme(again), mostFrames(draw)];
-    if (plot.traces.includes(null)) say("At most sixteen ports can be shown: remove a scope");
+    if (traces.includes(null)) say("At most sixteen ports can be shown: remove a scope");
     function draw() {
         const { span_s, isPaused } = studio.scopeWindow();
-        const now = plot.traces.reduce((sum, trace) => sum + (trace?.written ?? 0), 0) + span_s / 1000;
+        const now = traces.reduce((sum, trace) => sum + (trace?.written ?? 0), 0) + span_s / 1000;
+        if (isPaused) plot.traces = plot.traces === traces ? traces.map((trace) => trace?.copy() ?? null) : plot.traces;
+        else plot.traces = traces;
         if (drawn !== null && (now === drawn || isPaused)) return;
         const context = surface.begin();
         if (!context) return;
         drawn = now;
+        if (!isPaused || plot.end_s === undefined) plot.end_s = studio.taps.now_s() - 0.04;
         plot.span_s = span_s;
-        plot.end_s = studio.taps.now_s() - 0.04;
         plot.moves = DRAW[view.form](context, surface, plot);
     }
+    const picture = { surfaces: [surface], draw: () => (again(), draw()) };
     const end = () => {
         for (const each of ends) each();
         surface.end();
-        for (const trace of plot.traces) studio.taps.release(trace);
+        for (const trace of traces) studio.taps.release(trace);
     };
-    return { end, moves: () => drawn !== null && plot.moves };
+    return { end, picture, moves: () => drawn !== null && plot.moves };
 }
 
 const inkOf = (number) => colours[LANE_INKS[number % LANE_INKS.length]];

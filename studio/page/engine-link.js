@@ -2,7 +2,7 @@
 // the playing engine loads only valid graphs.
 import { Module } from "./module.js";
 
-const CHECKED = new Set(["check", "apply", "parameter"]);
+const CHECKED = new Set(["check", "apply", "parameter", "listen"]);
 const EDIT_WAITS_MS = 500;
 const LEARNS_AT_MOST_MS = 600_000;
 const encoder = new TextEncoder();
@@ -70,7 +70,11 @@ export class EngineLink {
     async #check(message) {
         const begun_ms = performance.now();
         try {
-            const answer = (await this.#checker).check(encoder.encode(message));
+            const checker = await this.#checker;
+            const { type, name, csv, ...more } = JSON.parse(message);
+            // The recording is a file of that engine.
+            if (type === "listen") checker.put({ path: encoder.encode(name), bytes: encoder.encode(csv) });
+            const answer = checker.check(encoder.encode(type === "listen" ? JSON.stringify({ type, name, csv: "", ...more }) : message));
             if (!answer) return this.#forward(message, true);
             const reply = { ...JSON.parse(decoder.decode(answer)), ms: performance.now() - begun_ms };
             this.onmessage({ data: JSON.stringify(reply) });

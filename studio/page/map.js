@@ -28,20 +28,23 @@ export function mapView(studio, { fill, say }, { map }) {
     const again = () => (view.plot = null); // the ground has to be drawn
     const [ground, surface] = canvases.map((canvas) => new Surface(canvas, again));
     const ends = [onTheme(again), mostFrames((now_ms) => draw(studio, ground, surface, view, say, now_ms))];
+    const picture = { surfaces: [ground, surface], draw: () => (again(), draw(studio, ground, surface, view, say, performance.now())) };
     studio.mapPoint = () => view.trail.at(-1) ?? null;
     const end = () => {
         for (const each of ends) each();
         for (const each of [ground, surface]) each.end();
         for (const trace of traces) studio.taps.release(trace);
     };
-    return { end, moves: () => view.trail.length > 1 };
+    return { end, picture, moves: () => view.trail.length > 1 };
 }
 
 function draw(studio, ground, surface, view, say, now_ms) {
-    if (view.plot && studio.scopeWindow().isPaused) return;
+    const { isPaused } = studio.scopeWindow();
+    if (view.plot && isPaused) return;
+    now_ms = view.now_ms = isPaused ? (view.now_ms ?? now_ms) : now_ms;
     const [speed, force] = view.traces.map((trace) => trace?.latest() ?? NaN);
     const touching = studio.connection.open && force > BARELY && Number.isFinite(speed);
-    if (touching) view.trail.push({ speed, force, now_ms });
+    if (touching && !isPaused) view.trail.push({ speed, force, now_ms });
     while (view.trail.length && now_ms - view.trail[0].now_ms > TRAIL_MS) view.trail.shift();
     const most = axesFor(view.map, view.trail);
     if (most.some((value, axis) => value !== view.most[axis])) Object.assign(view, { most, plot: null });

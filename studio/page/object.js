@@ -19,28 +19,30 @@ export function objectView(studio, { fill, say }, view) {
     const canvases = [make("canvas", { "aria-hidden": "true" }), make("canvas", { role: "img", "aria-label": label })];
     fill.append(...canvases);
     const streams = streamsOf(studio, view);
-    let [sides, drawn] = [null, null];
+    let [sides, drawn, shown] = [null, null, null];
     const again = () => ([sides, drawn] = [null, null]);
     const [ground, surface] = canvases.map((canvas) => new Surface(canvas, again));
     const ends = [onTheme(again), mostFrames(draw)];
     function draw() {
         const isSilent = studio.status?.silent.some(({ input }) => input === view.pad.endpoint) ?? true;
         const now = isSilent ? -1 : streams.all.reduce((sum, trace) => sum + (trace?.written ?? 0), 0);
-        if (drawn !== null && (now === drawn || studio.scopeWindow().isPaused)) return;
+        const { isPaused } = studio.scopeWindow();
+        if (drawn !== null && (now === drawn || isPaused)) return;
         sides ??= drawGround(ground, view);
         const context = sides && surface.begin();
         if (!context) return;
         drawn = now;
-        const state = isSilent ? { tool: null } : stateOf(streams);
-        for (const side of sides) drawSide(context, side, state, view);
-        say(said(state));
+        if (!isPaused || !shown) shown = isSilent ? { tool: null } : stateOf(streams);
+        for (const side of sides) drawSide(context, side, shown, view);
+        say(said(shown));
     }
+    const picture = { surfaces: [ground, surface], draw: () => (again(), draw()) };
     const end = () => {
         for (const each of ends) each();
         for (const each of [ground, surface]) each.end();
         for (const trace of streams.all) studio.taps.release(trace);
     };
-    return { end, moves: () => drawn > 0 && stateOf(streams).tool !== null };
+    return { end, picture, moves: () => drawn > 0 && stateOf(streams).tool !== null };
 }
 
 // The streams of what is known: the contact or the tool's position, and the force that is delivered or measured.
@@ -111,13 +113,13 @@ function drawShapes(context, { box, ...side }, shapes) {
     context.rect(box.left, box.top, box.width, box.height);
     context.clip();
     context.fillStyle = colours.box;
-    context.fill();
+    context.fillRect(box.left, box.top, box.width, box.height);
     for (const shape of shapes) DRAW[shape.form](context, { box, ...side }, shape);
 }
 
-function outlined(context, rule = "nonzero") {
+function outlined(context) {
     context.fillStyle = colours.tint0;
-    context.fill(rule);
+    context.fill();
     context.strokeStyle = colours.ink0;
     context.lineWidth = 1.4;
     context.stroke();
@@ -153,10 +155,11 @@ function drawSphere(context, side, { centre_mm, diameter_mm }) {
     outlined(context);
 }
 
+// Against the clock: a hole in a rectangle.
 function cuboid(context, side, { centre_mm, size_mm }) {
     const [x, y] = side.at(centre_mm);
     const [width, height] = side.axes.map((axis) => size_mm[axis] * side.scale);
-    context.rect(x - width / 2, y - height / 2, width, height);
+    context.rect(x + width / 2, y - height / 2, -width, height);
 }
 
 function drawBox(context, side, shape) {
@@ -171,7 +174,7 @@ function drawRoom(context, side, shape) {
     context.beginPath();
     context.rect(left - 3, top - 3, width + 6, height + 6);
     cuboid(context, side, shape);
-    outlined(context, "evenodd");
+    outlined(context);
 }
 
 // The outline of all triangles: their edges first, wide, then their areas over them.

@@ -4,6 +4,7 @@ import { find, kept, make, setText } from "./dom.js";
 import { drawMeter, drawNumber } from "./draw-meter.js";
 import { drawSpectrogram, drawSpectrum } from "./draw-spectrum.js";
 import { boxOf, drawTime } from "./draw-time.js";
+import { figureMenu } from "./figure.js";
 import { mostFrames } from "./frame.js";
 import { colours, Surface } from "./theme.js";
 
@@ -163,6 +164,7 @@ function barOf(studio, state, card) {
             "div",
             { class: "scope-tools" },
             choice,
+            figureMenu(studio, () => ({ name: `${state.graph.name}-${card.name}-${card.view}`, surfaces: [card.surface], draw: () => drawCard(studio, state, card, performance.now()) })),
             make("button", { class: "quiet", text: "−", "aria-label": "Smaller", title: "Smaller", onclick: zoom(0.5) }),
             make("button", { class: "quiet", text: "+", "aria-label": "Larger", title: "Larger", onclick: zoom(2) }),
             make("button", {

@@ -1,5 +1,6 @@
 // The actuator's command as sound: only after a press, and quiet at first.
-import { find, setText } from "./dom.js";
+import { find, save, setText } from "./dom.js";
+import { keeperOf, lastOf, wavOf } from "./wav.js";
 
 const FIRST_LEVEL_DB = -20;
 const SILENT_DB = -60;
@@ -11,6 +12,7 @@ export class Sound {
     #context = null;
     #player = null;
     #gain = null;
+    #keeper = null;
 
     constructor(studio) {
         this.#studio = studio;
@@ -19,6 +21,7 @@ export class Sound {
         this.report = null;
         this.error = null;
         find("sound").addEventListener("click", () => this.toggle());
+        find("wav").addEventListener("click", () => this.#keep());
         find("level").addEventListener("input", (event) => this.#setLevel(Number(event.target.value)));
         studio.on("graph", (graph) => this.#follow(graph));
         document.addEventListener("visibilitychange", () => (document.hidden ? this.cut() : this.resume()));
@@ -45,6 +48,11 @@ export class Sound {
     // The current gain of the sound.
     get gain() {
         return this.#gain?.gain.value ?? 0;
+    }
+
+    // The gain of the chosen level.
+    get gainAtLevel() {
+        return this.level_db <= SILENT_DB ? 0 : 10 ** (this.level_db / 20);
     }
 
     async toggle() {
@@ -85,7 +93,7 @@ export class Sound {
 
     async #open(rate_hz) {
         const { engine } = this.#studio.connection;
-        if (engine) return this.#connect(engine.context, engine.node);
+        if (engine) return await this.#connect(engine.context, engine.node);
         await this.#context?.close();
         this.#context = contextAt(rate_hz);
         await this.#context.audioWorklet.addModule(new URL("worklet.js", import.meta.url));
@@ -97,11 +105,11 @@ export class Sound {
         const { port1, port2 } = new MessageChannel();
         this.#studio.connection.playBy(port1);
         player.port.postMessage({ source: port2 }, [port2]);
-        this.#connect(this.#context, player);
+        await this.#connect(this.#context, player);
     }
 
     // The player, or the engine itself, plays through a gain.
-    #connect(context, player) {
+    async #connect(context, player) {
         this.#context = context;
         this.#player = player;
         // The browser counts its underruns.
@@ -109,6 +117,18 @@ export class Sound {
             (this.report = { ...data, underruns: data.underruns + (context.playbackStats?.underrunEvents ?? 0) });
         this.#gain = new GainNode(context, { gain: 0 });
         player.connect(this.#gain).connect(context.destination);
+        this.#keeper = await keeperOf(context, player);
+    }
+
+    // Downloads the last seconds, at the level at which the actuator gets them.
+    async #keep() {
+        const samples = await lastOf(this.#keeper);
+        const { name, sound, actuators } = this.#studio.graph;
+        const rate_hz = this.#context.sampleRate;
+        const { peak, unit } = actuators.find(({ name }) => sound.what.startsWith(`${name}.`));
+        const what = `${sound.what} of ${name}; 1.0 is its limit, ${peak} ${unit}`;
+        save(`${name}.wav`, wavOf(samples, rate_hz, what));
+        this.#studio.say("good", `The last ${(samples.length / rate_hz).toFixed(1)} s were saved: ${what}`);
     }
 
     #end() {
@@ -138,14 +158,14 @@ export class Sound {
     #ramp(time_s = RAMP_S) {
         if (!this.on || !this.#studio.runs || document.hidden) return;
         const { gain } = this.#gain;
-        const wanted = this.level_db <= SILENT_DB ? 0 : 10 ** (this.level_db / 20);
         gain.cancelScheduledValues(0);
-        gain.setTargetAtTime(wanted, this.#context.currentTime, time_s / 3);
+        gain.setTargetAtTime(this.gainAtLevel, this.#context.currentTime, time_s / 3);
     }
 
     #show() {
         find("sound").setAttribute("aria-pressed", String(this.on));
         setText(find("sound"), this.on ? "Sound: on" : "Sound: off");
+        find("wav").hidden = !this.on;
         find("sound").disabled = this.obstacle !== null && !this.error;
         const text = this.level_db <= SILENT_DB ? "silent" : `${this.level_db} dB`.replace("-", "−");
         setText(find("level-text"), text);

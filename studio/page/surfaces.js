@@ -1,5 +1,6 @@
 // The surfaces of the folder as swatches, and recordings that are dropped on the page and learned.
 import { find, imageOf, make, setText } from "./dom.js";
+import { listen } from "./listen.js";
 import { headOf, keptMapping, mappingForm } from "./mapping.js";
 
 const MOST_BYTES = 64 * 1024 * 1024;
@@ -17,6 +18,7 @@ export function mountSurfaces(studio) {
         event.target.value = "";
     });
     mountDrop(studio);
+    document.addEventListener("visibilitychange", () => document.hidden && studio.silence());
 }
 
 // The parameter that a click on a swatch sets.
@@ -176,6 +178,8 @@ async function learn(studio, file, mapping = undefined) {
     const chosen = parameter ? await studio.parameter(parameter.name, quoted(reply.change)) : { ok: false };
     const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;
     end("good", `${file.name} was learned; ${says}.`);
+    const recording = { name: file.name, csv, mapping, path: reply.change };
+    text.after(make("button", { text: "Listen", title: "The recording beside the surface, and ABX", onclick: () => listen(studio, recording).catch((error) => studio.say("bad", `The recording cannot be played: ${error.message}`)) }));
     if (reply.report) text.after(reportLink(reply.report));
     if (reply.learned) text.after(...keepLinks(reply.learned, bare(reply.change).split("/").at(-1)));
 }

@@ -46,6 +46,7 @@ export class Surface {
         this.canvas = canvas;
         this.context = canvas.getContext("2d");
         this.width = this.height = 0;
+        this.figure = null; // the context of a figure, which is drawn in place of the canvas
         this.observer = new ResizeObserver(() => {
             this.#fit();
             resized();
@@ -56,7 +57,7 @@ export class Surface {
 
     // The context, cleared, in CSS pixels; null while the canvas is not shown.
     begin() {
-        if (this.width === 0 || this.height === 0) return null;
+        if (this.figure || this.width === 0 || this.height === 0) return this.figure;
         this.context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
         this.context.clearRect(0, 0, this.width, this.height);
         this.context.font = FONT;

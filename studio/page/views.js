@@ -3,6 +3,7 @@
 import { candidates } from "./choices.js";
 import { find, kept, make, setText } from "./dom.js";
 import { plotView } from "./draw-plot.js";
+import { figureMenu } from "./figure.js";
 import { mapView } from "./map.js";
 import { objectView } from "./object.js";
 
@@ -94,11 +95,13 @@ function cellOf(studio, state, place) {
     const choice = make("select", { class: "view-choice", "aria-label": `View ${place + 1}` });
     const text = make("span", { class: "view-text figure-text soft clip" });
     const fill = make("div", { class: "fill" });
-    const bar = make("div", { class: "view-bar" }, choice, text, place === 0 ? state.one : null);
-    const element = make("article", { class: "view" }, bar, fill);
-    find("views").append(element);
+    const cell = { choice, text, fill, view: null, painter: null };
+    const figure = figureMenu(studio, () => ({ name: `${state.graph.name}-${cell.view.title}`, ...cell.painter.picture }));
+    const bar = make("div", { class: "view-bar" }, choice, text, figure, place === 0 ? state.one : null);
+    cell.element = make("article", { class: "view" }, bar, fill);
+    find("views").append(cell.element);
     choice.addEventListener("change", () => choose(studio, state, place, choice.value));
-    return { element, choice, text, fill, view: null, painter: null };
+    return cell;
 }
 
 // A person chose a view; the one that it replaces goes where it was.

@@ -3,6 +3,7 @@
 use super::channels::{InputPad, PadSpec};
 use super::fed;
 use super::levels;
+use super::load::Source;
 use super::pads::FULL_N;
 use super::pages::Reach;
 use super::pointer::MAX_N;
@@ -279,12 +280,16 @@ fn maps(graph: &Graph) -> Vec<Value> {
 /// The surfaces in the graph's own folder, by their paths from the graph, and those in other folders.
 fn surfaces(stage: &Stage) -> Vec<Value> {
     let folder = stage.source.folder();
-    let others = stage.source.surfaces.iter().flat_map(|folder| ron_files(folder));
-    let paths = surface_files(folder).into_iter().chain(others);
-    let mut seen = HashSet::new();
-    let paths = paths.filter(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
-    let shown = paths.filter_map(|path| surface(&path, folder));
+    let shown = listed(&stage.source).into_iter().filter_map(|path| surface(&path, folder));
     shown.take(MAX_SURFACES).collect()
+}
+
+/// The files that can be surfaces for a graph, each once.
+pub(crate) fn listed(source: &Source) -> Vec<PathBuf> {
+    let others = source.surfaces.iter().flat_map(|folder| ron_files(folder));
+    let paths = surface_files(source.folder()).into_iter().chain(others);
+    let mut seen = HashSet::new();
+    paths.filter(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone()))).collect()
 }
 
 /// The description of a surface, or of the error in its file; its swatch is drawn once, which takes a while. `None` if the

@@ -34,7 +34,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    fn settings(&self) -> Result<ImportSettings, String> {
+    pub(crate) fn settings(&self) -> Result<ImportSettings, String> {
         let mut settings = ImportSettings { rate_hz: self.rate_hz, ..ImportSettings::default() };
         for (quantity, column) in &self.columns {
             settings = settings.with_column(quantity, column)?;

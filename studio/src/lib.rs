@@ -21,6 +21,7 @@ mod fed;
 mod frames;
 mod learn;
 mod levels;
+mod listen;
 mod load;
 #[cfg(not(target_family = "wasm"))]
 mod native;

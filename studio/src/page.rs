@@ -3,6 +3,7 @@
 use super::describe;
 use super::error::StageError;
 use super::learn;
+use super::listen;
 use super::load::Source;
 use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
@@ -174,7 +175,9 @@ impl Engine {
             Response::None | Response::Cancel { .. } => return,
             Response::Answer(answer) => answer,
             Response::Work { request, work } => self.work(request, work),
-            Response::Learn { request, .. } => talk::reply(request, Err(elsewhere())),
+            Response::Learn { request, .. } | Response::Listen { request, .. } => {
+                talk::reply(request, Err(elsewhere()))
+            }
         };
         self.pages[page].say(wire::text(&answer));
     }
@@ -272,6 +275,10 @@ impl Checker {
             ClientMessage::Apply { request, text } => refused(request, wrong(&self.source, &text)?),
             ClientMessage::Parameter { request, name, value } => {
                 refused(request, wrong(&self.source.with(name, value), &self.text)?)
+            }
+            // Its file is here already.
+            ClientMessage::Listen { request, compared } => {
+                listen::reply(request, Path::new(&compared.dropped.name), &compared, &self.source)
             }
             _ => return None,
         };

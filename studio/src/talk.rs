@@ -3,6 +3,7 @@
 use super::describe;
 use super::error::StageError;
 use super::learn::Dropped;
+use super::listen::Compared;
 use super::load::{Loaded, Source};
 use super::pages::{Line, Reach};
 use super::stage::Stage;
@@ -22,6 +23,8 @@ pub(crate) enum Response {
     Work { request: u64, work: Work },
     /// Learn a surface from a recording, which takes long; then [`reply`].
     Learn { request: u64, dropped: Dropped },
+    /// Listen to a recording and surfaces, which takes a while; then [`listen::reply`](super::listen::reply).
+    Listen { request: u64, compared: Compared },
     /// Cancel the learning of this request.
     Cancel { request: u64 },
 }
@@ -122,6 +125,7 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         ClientMessage::Check { request, text } => return done_later(request, Work::Check(text)),
         // Also of a page that is no longer the owner.
         ClientMessage::Cancel { request } => return Response::Cancel { request },
+        ClientMessage::Listen { request, compared } => return Response::Listen { request, compared },
         message if stage.pages.owner == Some(page) => return act_as_owner(stage, page, message),
         // A page that was the owner until now.
         ClientMessage::Hold => {}

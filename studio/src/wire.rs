@@ -1,6 +1,7 @@
 //! Messages of the page: parsing, with bounds.
 
 use super::learn::Dropped;
+use super::listen::Compared;
 use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::record::Recording;
 use haptograph_study::conduct::Said;
@@ -15,7 +16,7 @@ pub(crate) const SUBPROTOCOL: &str = "haptograph.studio.1";
 pub(crate) const MAX_BYTES: usize = 1 << 20;
 pub(crate) const MAX_LEARNED_BYTES: usize = 80 << 20;
 /// Beginnings of such messages.
-const LONG: [&str; 2] = [r#"{"type":"learn""#, r#"{"type":"replay""#];
+const LONG: [&str; 3] = [r#"{"type":"learn""#, r#"{"type":"listen""#, r#"{"type":"replay""#];
 /// Maximum number of ports displayed by a page.
 pub(crate) const MAX_SCOPES: usize = 16;
 
@@ -89,6 +90,12 @@ pub(crate) enum ClientMessage {
         #[serde(flatten)]
         dropped: Dropped,
     },
+    /// Listen to a recording, and to surfaces along its motion.
+    Listen {
+        request: u64,
+        #[serde(flatten)]
+        compared: Compared,
+    },
     /// Cancel the learning that this page requested under this number.
     Cancel {
         request: u64,
@@ -117,6 +124,8 @@ pub(crate) enum ClientMessage {
     Own,
     /// What a page of a study says.
     Study(Said),
+    #[serde(other)]
+    Unknown,
 }
 
 impl ClientMessage {
@@ -130,6 +139,7 @@ impl ClientMessage {
                 | Self::Save { .. }
                 | Self::Keep
                 | Self::Learn { .. }
+                | Self::Listen { .. }
                 | Self::Cancel { .. }
                 | Self::Record { .. }
                 | Self::Replay { .. }
@@ -148,7 +158,8 @@ impl ClientMessage {
             | Self::Apply { request, .. }
             | Self::Save { request, .. }
             | Self::Replay { request, .. }
-            | Self::Learn { request, .. } => Some(*request),
+            | Self::Learn { request, .. }
+            | Self::Listen { request, .. } => Some(*request),
             _ => None,
         }
     }
@@ -199,39 +210,10 @@ pub(crate) fn check_length(text: &str) -> Result<(), WireError> {
 
 /// Parses a text message; `None` if its type is unknown.
 pub(crate) fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError> {
-    #[derive(Deserialize)]
-    struct Kind {
-        r#type: String,
-    }
-    const KINDS: [&str; 20] = [
-        "learn",
-        "cancel",
-        "record",
-        "replay",
-        "set",
-        "parameter",
-        "check",
-        "apply",
-        "save",
-        "scope",
-        "sound",
-        "levels",
-        "stop",
-        "resume",
-        "own",
-        "arm",
-        "gain",
-        "hold",
-        "disarm",
-        "study",
-    ];
     check_length(text)?;
     let wrong = |error: serde_json::Error| WireError::Json(error.to_string());
-    let kind: Kind = serde_json::from_str(text).map_err(wrong)?;
-    if !KINDS.contains(&&*kind.r#type) {
-        return Ok(None);
-    }
-    serde_json::from_str(text).map(Some).map_err(wrong)
+    let message = serde_json::from_str(text).map_err(wrong)?;
+    Ok(Some(message).filter(|message| *message != ClientMessage::Unknown))
 }
 
 /// Pointers on a pad or input.
@@ -299,6 +281,13 @@ mod tests {
             bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         }
         bytes
+    }
+
+    #[test]
+    fn every_message_is_known_and_unknown_ones_are_no_error() {
+        assert_eq!(parse_text(r#"{"type":"keep"}"#), Ok(Some(ClientMessage::Keep)));
+        assert_eq!(parse_text(r#"{"type":"of a later version","more":1}"#), Ok(None));
+        assert!(matches!(parse_text(r#"{"type":"set"}"#), Err(WireError::Json(_))));
     }
 
     #[test]

@@ -109,3 +109,35 @@ programTest("views are chosen by the keyboard and kept, one alone or several, an
     );
     await end();
 });
+
+programTest("what is seen and heard is kept as SVG, PNG and WAV", async () => {
+    const { page, end } = await pageOf("graphs/omni.ron");
+    const kept = async (act) => {
+        const [download] = await Promise.all([page.waitForEvent("download"), act()]);
+        return { name: download.suggestedFilename(), bytes: readFileSync(await download.path()) };
+    };
+    try {
+        await page.click("#sound");
+        await page.click("#demo");
+        await page.waitForTimeout(1500);
+        const menus = page.locator(".figure-menu");
+        assert((await menus.count()) >= 6, "a view or scope has no menu");
+        for (let place = 0; place < (await menus.count()); place++) {
+            const { name, bytes } = await kept(() => menus.nth(place).selectOption("svg"));
+            const wrong = await page.evaluate((svg) => {
+                const read = new DOMParser().parseFromString(svg, "image/svg+xml");
+                return read.querySelector("parsererror")?.textContent ?? (read.querySelector("text, rect") ? null : "it is empty");
+            }, bytes.toString());
+            assert.equal(wrong, null, name);
+        }
+        const { name, bytes } = await kept(() => menus.first().selectOption("png"));
+        assert.match(name, /^omni-.+\.png$/);
+        assert.equal(bytes.subarray(1, 4).toString(), "PNG");
+        const wav = await kept(() => page.click("#wav"));
+        assert.match(wav.bytes.toString("latin1"), /coil\.delivered of omni; 1\.0 is its limit, 0\.5 A/);
+        const samples = new Float32Array(new Uint8Array(wav.bytes.subarray(wav.bytes.indexOf("data") + 8)).buffer);
+        assert(samples.length > 40_000 && samples.some((x) => Math.abs(x) > 0.01), `${samples.length} samples`);
+    } finally {
+        await end();
+    }
+});

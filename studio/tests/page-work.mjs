@@ -377,6 +377,30 @@ programTest("the editor completes, explains and saves, and not over what somebod
     }
 });
 
+// The recording beside the surface that was learned of it and beside another, and ABX.
+async function listens(page) {
+    await page.click(".surface-message button >> text=Listen");
+    await page.waitForSelector("#listen select[aria-label='Another surface']", { timeout: LEARNING_MS });
+    await page.selectOption("#listen select[aria-label='Another surface']", { index: 1 });
+    await page.waitForFunction(() => document.querySelectorAll("#listen [aria-label='What sounds'] button").length === 3);
+    for (const place of [0, 1, 2, 0]) {
+        await page.click(`#listen [aria-label='What sounds'] button >> nth=${place}`);
+        assert.equal(await page.locator("#listen [aria-pressed=true]").count(), 1);
+    }
+    await picture(page, "listen");
+    // As loud as it was recorded, to 6 dB.
+    const beside = await page.textContent("#listen .soft");
+    assert(Math.abs(Number(beside.match(/my-tile ([+−]?[\d.]+) dB/)[1].replace("−", "-"))) < 6, beside);
+    await page.click("#listen button >> text=ABX");
+    for (let trial = 0; trial < 10; trial++) {
+        await page.click("#listen .abx button >> text=/^X$/");
+        await page.click(`#listen .abx button >> text=X is ${trial % 2 ? "B" : "A"}`);
+    }
+    assert.match(await page.textContent("#listen .abx"), /\d+ of 10 right\./);
+    await page.click("#stop");
+    assert.equal(await page.locator("#listen [aria-pressed=true]").count(), 0);
+}
+
 (served ? test : programTest)("a recording that is dropped on the page is learned, and is on the pad", async () => {
     const own = served ? null : await studioOf("graphs/texturepad.ron");
     const page = await open(own ? { at: own.address } : {});
@@ -404,6 +428,7 @@ programTest("the editor completes, explains and saves, and not over what somebod
         let during = 0;
         await stroke(page, 0.5, 1500, async (part) => part > 0.6 && (during = Math.max(during, await level(page, port, 0.3))));
         assert(during > 0.01, `${during} m/s² while stroking`);
+        await listens(page);
     } finally {
         await page.context().close();
         await own?.end();
@@ -581,7 +606,7 @@ programTest("a recording whose columns have foreign names is learned once a pers
         const learned = () => [...document.querySelectorAll(".surface-message p")].some((p) => / was learned;/.test(p.textContent));
         await until(page, learned, null, 60_000);
         // The same logger again needs no word.
-        await page.click(".surface-message button");
+        await page.click(".surface-message button >> text=Close");
         await page.setInputFiles("#learn", { ...file, name: "second.csv" });
         await until(page, learned, null, 60_000);
         assert(await page.evaluate(() => studio.graph.surfaces.some(({ path }) => path.includes("second"))));

@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { readdirSync, readFileSync } from "node:fs";
 import test from "node:test";
+import { Abx, guessing } from "../page/abx.js";
 import { drivenOf, isRecent } from "../page/arming.js";
 import { candidates, firstScopes, Motion, replacements } from "../page/choices.js";
 import { Connection } from "../page/connection.js";
@@ -17,6 +18,7 @@ import { GESTURES, Stroke } from "../page/gestures.js";
 import { GRAPH } from "../page/keys.js";
 import { guessed, headOf } from "../page/mapping.js";
 import { Levels } from "../page/levels.js";
+import { gainsOf } from "../page/listen.js";
 import { axesFor, isExtrapolated, locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { unmoved } from "../page/pads.js";
@@ -25,6 +27,7 @@ import { placeOf } from "../page/ron.js";
 import { closeUp, limitsOf, sidesIn } from "../page/scene.js";
 import { zip } from "../page/study-store.js";
 import { Trace } from "../page/trace.js";
+import { wavOf } from "../page/wav.js";
 
 test("every module of the page is a module", () => {
     const folder = new URL("../page/", import.meta.url);
@@ -34,6 +37,37 @@ test("every module of the page is a module", () => {
         });
         assert.equal(status, 0, `${name}: ${stderr}`);
     }
+});
+
+test("who guesses in an ABX is right as often as a coin falls", () => {
+    // Binomial(10, 1/2): P(8 or more) = 56/1024, P(0 or more) = 1.
+    assert.ok(Math.abs(guessing(8, 10) - 56 / 1024) < 1e-12);
+    assert.equal(guessing(0, 10), 1);
+    let isA = false;
+    const abx = new Abx(4, () => (isA = !isA));
+    for (const answer of [0, 0, 0, 1, 1]) abx.answer(answer); // X is A, B, A, B
+    assert.deepEqual(abx.answers, [true, false, true, true]);
+    assert.ok(abx.isOver);
+});
+
+test("sounds that are compared have one level, and none is beyond full scale", () => {
+    const rms = (samples, gain) => gain * Math.sqrt(samples.reduce((sum, x) => sum + x * x, 0) / samples.length);
+    const [steady, peaked, silent] = [[1, -1, 1, -1], [0, 0, 0, 50], [0, 0, 0, 0]];
+    const [one, other, none] = gainsOf([steady, peaked, silent]);
+    assert.ok(Math.abs(rms(steady, one) / rms(peaked, other) - 1) < 1e-12);
+    assert.ok(50 * other <= 1 && none === 0);
+});
+
+test("the kept sound is a WAV file of floats that says its full scale", async () => {
+    const bytes = await wavOf(Float32Array.of(0.5, -1), 48_000, "odd").arrayBuffer();
+    const view = new DataView(bytes);
+    const name = (at) => String.fromCharCode(...new Uint8Array(bytes, at, 4));
+    assert.deepEqual([name(0), view.getUint32(4, true), name(8)], ["RIFF", bytes.byteLength - 8, "WAVE"]);
+    const chunks = {};
+    for (let at = 12; at < bytes.byteLength; at += 8 + view.getUint32(at + 4, true) + (view.getUint32(at + 4, true) % 2)) chunks[name(at)] = at + 8;
+    assert.deepEqual(Object.keys(chunks), ["fmt ", "fact", "LIST", "data"]);
+    assert.deepEqual([view.getUint16(chunks["fmt "], true), view.getUint32(chunks["fmt "] + 4, true)], [3, 48_000]);
+    assert.deepEqual([view.getFloat32(chunks.data, true), view.getFloat32(chunks.data + 4, true)], [0.5, -1]);
 });
 
 test("the columns of a foreign recording are named, drawn and guessed", () => {
@@ -673,7 +707,8 @@ test("a meter stands against the limit, and holds its peak for a second and a ha
                 fillRect: (x, y, width) => rects.push([x, width, context.fillStyle]),
                 fillText: (text) => texts.push(text),
             };
-            for (const name of ["beginPath", "roundRect", "fill", "save", "restore", "clip"]) context[name] = () => {};
+            context.roundRect = context.fillRect;
+            for (const name of ["beginPath", "fill"]) context[name] = () => {};
             const trace = { level: () => ({ rms, peak }) };
             drawMeter(context, { width: 338, height: 120 }, { trace, memory, port, now_ms, paused: false, ...more });
             return { rects, texts, held: rects.at(-1) };
@@ -681,7 +716,7 @@ test("a meter stands against the limit, and holds its peak for a second and a ha
         const LEFT = 52;
         const WIDTH = 200;
         const first = drawn(0.1, 0.4, 0);
-        const bars = first.rects.filter(([left, width]) => left === LEFT && width !== 2).map(([, width]) => Math.round(width));
+        const bars = first.rects.filter(([left, width, colour]) => left === LEFT && width !== 2 && colour !== "--tint6").map(([, width]) => Math.round(width));
         assert.deepEqual(bars, [40, 160, 60], "level, peak and heat, each of its limit");
         assert.deepEqual(
             first.rects.find(([, width]) => width === 2),

@@ -30,8 +30,9 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("report", 8_075, 6_000),
     // Studies with people, new in this house: document, orders, sessions, data, statistics, figures.
     ("study", 5_565, 3_600),
-    // 225 for studies that run in a page, 145 for controls of all inputs, 65 for the views of a graph.
-    ("studio", 6_020, 3_300),
+    // 225 for studies that run in a page, 145 for controls of all inputs, 65 for the views of a graph, 110 for recordings beside
+    // surfaces, to listen to.
+    ("studio", 6_130, 3_300),
     // 1,320 for `study`, `thesis` and `surface headroom`.
     ("src", 10_610, 6_300),
     ("bindings", 3_450, 3_100),

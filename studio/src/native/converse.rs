@@ -5,8 +5,9 @@ use super::server::Shared;
 use super::visits::Pass;
 use super::{blocking, lock, save::save, with_stage};
 use crate::describe;
-use crate::error::StageError;
+use crate::error::{StageError, other};
 use crate::learn::Dropped;
+use crate::listen::{self, Compared};
 use crate::pages::{Line, LineError, Page, Reach};
 use crate::run_page::REPORT;
 use crate::stage::Stage;
@@ -18,6 +19,7 @@ use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use haptograph_engine::run::ArmSwitch;
 use serde_json::Value;
+use std::io::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -35,6 +37,8 @@ const MAX_QUEUED_BYTES: usize = 8 << 20;
 const MAX_REQUESTS: usize = 32;
 /// Maximum time in which a page takes a message.
 const SENDING: Duration = Duration::from_secs(5);
+/// Refusal of a second recording.
+const BUSY: &str = "another recording is being learned; retry when it is done";
 /// Longer texts are parsed on another thread, bytes.
 const LONG_BYTES: usize = 1 << 16;
 
@@ -269,7 +273,7 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
                 return refused("this studio cannot learn surfaces");
             };
             let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
-                return refused("another recording is being learned; retry when it is done");
+                return refused(BUSY);
             };
             let connection = connection.clone();
             tokio::spawn(async move {
@@ -288,6 +292,35 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             });
             None
         }
+        Response::Listen { request, compared } => {
+            let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
+                return Some(talk::reply(request, Err(other(BUSY))));
+            };
+            let connection = connection.clone();
+            tokio::spawn(async move {
+                let stage = Arc::clone(&connection.stage);
+                let heard = blocking(move || heard(&stage, turn, request, &compared)).await;
+                let answer = heard.unwrap_or_else(|| talk::reply(request, failed()));
+                let _ = connection.answers.send(answer).await;
+            });
+            None
+        }
+    }
+}
+
+/// The reply to a page that listens; the recording is in a file while it is read.
+fn heard(stage: &Mutex<Stage>, _turn: Turn, request: u64, compared: &Compared) -> Value {
+    let source = lock(stage).source.clone();
+    let stored = |error: std::io::Error| other(format_args!("cannot store the recording: {error}"));
+    let begin = || {
+        listen::check_size(compared)?;
+        let mut file = tempfile::Builder::new().suffix(".csv").tempfile().map_err(stored)?;
+        file.write_all(compared.dropped.csv.as_bytes()).map_err(stored)?;
+        Ok(file)
+    };
+    match begin() {
+        Ok(file) => listen::reply(request, file.path(), compared, &source),
+        Err(error) => talk::reply(request, Err(error)),
     }
 }
 

@@ -379,9 +379,9 @@ fn write_pages(site: &mut Site, pages: &[SitePage]) -> Result<(), StudioError> {
 
 /// True for files that pages load and for licences; false for sources of the bundles and for the pages themselves.
 fn is_served(path: &Path) -> bool {
-    let is_bundled = path.ends_with("vendor/codemirror.js") || path.ends_with("vendor/codemirror.LICENSE");
-    let is_page = path.extension().is_some_and(|extension| extension == "html");
-    (!path.starts_with("vendor") || is_bundled) && !is_page
+    let ends = |ending: &str| path.to_string_lossy().ends_with(ending);
+    let is_bundled = ends(".LICENSE") || ends(".js") && !ends(".entry.js");
+    (!path.starts_with("vendor") || is_bundled) && !ends(".html")
 }
 
 struct Site<'a> {
