@@ -206,9 +206,11 @@ function savePreset(studio) {
     save(`${studio.graph.name}-preset.json`, new Blob([text], { type: "application/json" }));
 }
 
-// Puts the preset into the page's address, from where it is loaded with the page.
+// Puts the preset into the page's address, from where it is loaded with the page; of a site also the text that was changed.
 function linkPreset(studio) {
-    const bytes = new TextEncoder().encode(JSON.stringify(presetOf(studio)));
+    const { graph, connection } = studio;
+    const changed = connection.engine && !graph.saved ? { text: graph.text } : {};
+    const bytes = new TextEncoder().encode(JSON.stringify({ ...presetOf(studio), ...changed }));
     const text = btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
     if (text.length > MAX_LINK) return studio.say("bad", `The preset is too long for an address (${text.length} letters, at most ${MAX_LINK}): save it to a file`);
     // The token of a studio is nobody else's.
@@ -240,6 +242,13 @@ async function loadLink(studio) {
     }
 }
 
+// Runs the text of a graph that came with a link; a program's graph is changed by its own editor alone.
+async function takeText(studio, text) {
+    if (!studio.connection.engine) return ["text: only a site takes the text of a graph from a link"];
+    const reply = await studio.connection.request({ type: "apply", text: String(text) });
+    return reply.ok ? [] : [`text: ${reply.diagnostics?.[0]?.message ?? reply.error}`];
+}
+
 // Takes the text of a preset: parameters first (the graph is loaded anew), then the settings that it has, then assignments.
 async function takePreset(studio, name, text) {
     let preset;
@@ -252,6 +261,7 @@ async function takePreset(studio, name, text) {
     if (version !== PRESET_VERSION) return studio.say("bad", `${name}: \`haptograph_preset\` is ${JSON.stringify(version) ?? "missing"}, not ${PRESET_VERSION}`);
     const mapOf = (part) => (typeof preset[part] === "object" && preset[part] !== null ? preset[part] : {});
     const failures = [];
+    if (preset.text !== undefined) failures.push(...(await takeText(studio, preset.text)));
     for (const [parameter, wanted] of Object.entries(mapOf("parameters"))) {
         const known = studio.graph.parameters.find((each) => each.name === parameter);
         if (!known) failures.push(`parameters, ${parameter}: this graph has no such parameter`);

@@ -20,6 +20,7 @@ import {
     siteTest,
     stroke,
     test,
+    until,
 } from "./harness.mjs";
 
 test("the page greets and shows the graph", async (page) => {
@@ -329,6 +330,16 @@ siteTest("how long an edit keeps the sound is shown", async (page) => {
     const kept_ms = await page.evaluate(() => studio.sound.report.edit_ms);
     console.log(`        an edit took ${took_ms.toFixed(0)} ms and kept the sound for ${kept_ms} ms`);
     if (!was) await page.click("#sound");
+});
+
+siteTest("a link carries the text that was changed", async (page) => {
+    const text = `// from a link\n${await page.evaluate(() => studio.graph.text)}`;
+    assert((await page.evaluate((text) => studio.connection.request({ type: "apply", text }), text)).ok);
+    await page.waitForFunction((text) => studio.graph.text === text, text);
+    await page.evaluate(() => document.getElementById("preset-link").click());
+    const there = await open({ at: await page.getAttribute("#preset-link", "data-address") });
+    await until(there, (text) => studio.graph.text === text, text);
+    await there.context().close();
 });
 
 siteTest("an edit that the engine refused leaves the checker with what runs", async (page) => {
