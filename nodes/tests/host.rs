@@ -154,7 +154,8 @@ fn a_hand_of_the_callers_feels_on_one_clock_what_an_offline_run_of_two_drivers_d
         for (output, felt) in outputs.iter().zip(&felt) {
             let mut probe = session.any_probe(output).expect(output);
             let mut got = vec![0.0; felt.len()];
-            got.chunks_exact_mut(probe.kind().width()).for_each(|frame| assert!(probe.take(frame), "{output}"));
+            got.chunks_exact_mut(probe.kind().width())
+                .for_each(|frame| assert!(probe.take(frame), "{output}"));
             assert!(got.iter().any(|x| *x != 0.0), "{name}: {output}");
             let differs = (0..got.len()).find(|at| got[*at].to_bits() != felt[*at].to_bits());
             assert_eq!(differs, None, "{name}: {output}");
