@@ -11,7 +11,9 @@ use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeId, check};
 use haptograph_engine::host::{Full, HostError, Scalar, Vector, Wrench};
 use haptograph_engine::node::LiveId;
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Change, ControlError, Player, Run, Session, SessionOptions, SetError};
+use haptograph_engine::run::{
+    Change, ControlError, Player, Run, Session, SessionOptions, SetError, VirtualClock,
+};
 use haptograph_engine::settings::MAX_LIVE_ITEMS;
 use haptograph_nodes::filters::classical::BandPassSettings;
 use realtime::allocations;
@@ -94,6 +96,75 @@ fn a_hand_of_the_callers_feels_what_the_simulated_one_does_to_the_bit() {
     assert!(got.iter().any(|ampere| *ampere != 0.0));
     assert!(got == felt[4], "the current");
     assert_eq!(session.finish(player).outcome.driver_frames, 24_000);
+}
+
+/// What the simulated endpoints of a graph with several drivers give, and these outputs, by name, of an offline run.
+fn simulated_by_all(graph: &Graph, names: &[&str], seconds: f64) -> Vec<Vec<f64>> {
+    let taps = names.iter().map(|name| tap(graph, name));
+    let plans: Vec<Arc<Plan>> =
+        Plan::of(graph, &PlanOptions::default().taps(taps)).into_iter().map(Arc::new).collect();
+    let mut clock = VirtualClock::of(&plans).ending_after(seconds);
+    let mut all = vec![Vec::new(); names.len()];
+    while !clock.is_over() {
+        clock.run_quantum(|driver, run| {
+            for (local, stream) in plans[driver].tap_streams().enumerate() {
+                let place = names.iter().position(|name| *name == stream.name).expect("it is tapped");
+                all[place].extend_from_slice(run.tap(local));
+            }
+        });
+    }
+    all
+}
+
+#[test]
+fn a_hand_of_the_callers_feels_on_one_clock_what_an_offline_run_of_two_drivers_does_to_the_bit() {
+    let cases: [(&str, usize, &[&str]); 2] = [
+        (
+            "two-drivers.ron",
+            3,
+            &[
+                "stylus.position",
+                "stylus.force",
+                "stylus.touching",
+                "moving.output",
+                "texture/filter.acceleration",
+                "out.delivered",
+            ],
+        ),
+        ("omni-coil.ron", 1, &["arm.position", "moving.output", "push.delivered", "coil.delivered"]),
+    ];
+    for (name, channels, outputs) in cases {
+        let felt = simulated_by_all(&shipped(name, &CheckOptions::default()), outputs, 0.9);
+        let graph = shipped(name, &CheckOptions::hosted());
+        for (output, values) in outputs.iter().zip(&felt).take(channels) {
+            let mut input = graph.any_input(output).expect(output);
+            for frame in values.chunks_exact(input.kind().width()) {
+                input.push(frame).expect("room");
+            }
+        }
+        let options = outputs.iter().fold(SessionOptions::default().rested(), |all, name| all.probe(name));
+        let (players, mut session) = Player::open_all(&graph, &options).expect("plays");
+        let mut clock = VirtualClock::running(players, &session);
+        let rate_hz = graph.clocks()[graph.drivers()[0]].rate.hz();
+        let mut allocated = 0;
+        for call in irregular((0.9 * rate_hz) as usize) {
+            allocated += allocations(|| clock.process(call));
+        }
+        assert_eq!(allocated, 0, "{name}");
+        for (output, felt) in outputs.iter().zip(&felt) {
+            let mut probe = session.any_probe(output).expect(output);
+            let mut got = vec![0.0; felt.len()];
+            got.chunks_exact_mut(probe.kind().width())
+                .for_each(|frame| assert!(probe.take(frame), "{output}"));
+            assert!(got.iter().any(|x| *x != 0.0), "{name}: {output}");
+            let differs = (0..got.len()).find(|at| got[*at].to_bits() != felt[*at].to_bits());
+            assert_eq!(differs, None, "{name}: {output}");
+        }
+        session.stop();
+        clock.process((0.1 * rate_hz) as usize);
+        assert!(clock.is_idle() && !clock.is_partly_idle(), "{name}");
+        assert!(!session.finish_all(clock.into_players()).panicked);
+    }
 }
 
 /// The force of a stylus on a clock of 1 kHz, at 48 kHz.

@@ -169,17 +169,31 @@ class Studio extends Emitter {
     }
 
     #sayLost() {
-        const { wait_s, ever, reason } = this.lost;
+        const { wait_s, ever, reason, isAnother } = this.lost;
         const stop = this.connection.stopping ? " STOP is sent as soon as it answers." : "";
         const again = ` Trying again in ${wait_s < 1 ? "a moment" : `${Math.round(wait_s)} s`}.`;
         const why = this.connection.engine
             ? `The engine in this page ended (${reason}).`
             : ever
-              ? "The connection to the engine is lost. It takes its actuators to zero by itself. If it was restarted, open the new address that it printed."
+              ? "The connection to the engine is lost. It takes its actuators to zero by itself. If it was started anew, open the link that it printed."
               : "No engine answers here. Is haptograph still running? Open the address that it printed, with its token.";
-        find("banner").hidden = false;
-        setText(find("banner"), wait_s === null ? reason : why + stop + again);
+        const banner = find("banner");
+        banner.hidden = false;
+        if (isAnother) banner.replaceChildren(make("span", { text: reason }), linkField());
+        else setText(banner, wait_s === null ? reason : why + stop + again);
     }
+}
+
+// Takes the link that another haptograph printed, or its token, and opens its page here.
+function linkField() {
+    const field = make("input", { type: "text", spellcheck: "false", autocomplete: "off", "aria-label": "Link or token", placeholder: "Link or token" });
+    const open = () => {
+        const token = field.value.match(/(?:^|token=)([0-9a-f]{32})$/)?.[1];
+        if (token) location.search = new URLSearchParams({ token });
+        field.setAttribute("aria-invalid", String(!token));
+    };
+    field.addEventListener("keydown", (event) => event.key === "Enter" && open());
+    return make("span", { class: "link-field" }, field, make("button", { text: "Open", onclick: open }));
 }
 
 // The text over the pad while it cannot be touched, with its button.

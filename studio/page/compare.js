@@ -86,6 +86,7 @@ export function showHalves(studio, element) {
             return half;
         }),
     );
+    if (compared) element.style.backgroundImage = "none"; // of the surface that ran before
     if (compared) setText(find("pad-surface-name"), blind ? "1 or 2?" : compared.map(({ name }) => name).join(" or "));
 }
 

@@ -9,9 +9,10 @@ const OPENER = () => document.querySelector('meta[name="haptograph-opener"]') !=
 const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
-const RESTARTED = "The studio was restarted: open the new address that it printed in its terminal.";
+const RESTARTED = "haptograph was started anew: open the link that it printed in its terminal, or paste it here.";
 
-// Emits `open`, `lost` ({ wait_s, ever, reason }; `wait_s` is null if no further attempt follows), `waiting` when an
+// Emits `open`, `lost` ({ wait_s, ever, reason, isAnother }; `wait_s` is null if no further attempt follows, `isAnother` true if
+// another server has the address, which does not know the token of this page), `waiting` when an
 // engine in this page begins or ends to wait for a press, `samples`, and every JSON message by its type. Sound goes to
 // the player's port.
 export class Connection extends Emitter {
@@ -21,12 +22,14 @@ export class Connection extends Emitter {
     #next = 1;
     #waiting = new Map();
     #stop = null; // a STOP that the engine has not confirmed
+    #isOver = false; // no further attempt follows
 
     constructor() {
         super();
         this.engine = PageEngine.here(); // null where a server is behind the page
         if (this.engine) this.engine.onchange = () => this.emit("waiting");
         this.open = false;
+        this.graph = 0; // number of the latest graph, which pointers are made for
         this.unsent = 0; // bytes that still have to leave this machine
         const hear = {
             open: () => this.#opened(),
@@ -44,6 +47,7 @@ export class Connection extends Emitter {
     }
 
     connect() {
+        if (this.#isOver) return;
         if (this.engine) return this.#connectHere();
         if (OPENER()) return this.#connectToOpener();
         const address = new URL("live", location.href);
@@ -136,6 +140,10 @@ export class Connection extends Emitter {
         } catch {
             return;
         }
+        if (message.type === "graph") {
+            this.graph = message.number ?? 0;
+            this.#worker.postMessage({ what: "graph", number: this.graph });
+        }
         if (message.type === "reply") {
             this.#waiting.get(message.request)?.(message);
             this.#waiting.delete(message.request);
@@ -145,27 +153,28 @@ export class Connection extends Emitter {
         this.emit(message.type, message);
     }
 
-    #ended({ wait_s, reason }) {
+    #ended({ wait_s, reason, isAnother = false }) {
         this.open = false;
         for (const resolve of this.#waiting.values()) resolve(failure("The connection was lost before the answer came."));
         this.#waiting.clear();
-        this.emit("lost", { wait_s, ever: this.#ever, reason });
+        this.emit("lost", { wait_s, ever: this.#ever, reason, isAnother });
     }
 
     async #closed(reason) {
+        if (this.#isOver) return;
         const wait_s = this.#wait_s;
         this.#wait_s = Math.min(LONGEST_WAIT_S, wait_s * 1.7);
         this.#ended({ wait_s, reason });
         if (OPENER()) return; // which is asked for another port
-        const again = setTimeout(() => this.connect(), wait_s * 1000);
-        if (this.engine || !(await isRestarted())) return;
-        clearTimeout(again);
-        this.emit("lost", { wait_s: null, ever: this.#ever, reason: RESTARTED });
+        setTimeout(() => this.connect(), wait_s * 1000);
+        if (this.engine || this.#isOver || !(await isAnother()) || this.#isOver || this.open) return;
+        this.#isOver = true;
+        this.#ended({ wait_s: null, reason: RESTARTED, isAnother: true });
     }
 }
 
 // True if a server answers that does not know the token of this page.
-async function isRestarted() {
+async function isAnother() {
     try {
         return (await fetch(location.href, { method: "HEAD", cache: "no-store" })).status === 403;
     } catch {

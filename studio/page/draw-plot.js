@@ -39,6 +39,7 @@ export function plotView(studio, { fill, say }, view) {
         drawn = now;
         if (!isPaused || plot.end_s === undefined) plot.end_s = studio.taps.now_s() - 0.04;
         plot.span_s = span_s;
+        plot.ahead_s = (trace) => studio.taps.ahead_s(trace); // each signal by its own driver
         plot.moves = DRAW[view.form](context, surface, plot);
     }
     const picture = { surfaces: [surface], draw: () => (again(), draw()) };
@@ -120,7 +121,7 @@ function drawOverTime(context, surface, plot) {
         const box = { left: INSET.left, top: row * each + 17, width, height: each - 17 - (row < shown.length - 1 ? 6 : 0) };
         const signals = all.filter(({ number }) => traces[number]?.lanes);
         const columns = ({ number, kind }) =>
-            columnsOf(traces[number], plot.end_s, span_s, Math.max(1, Math.floor(width)), (values, at) =>
+            columnsOf(traces[number], plot.end_s + plot.ahead_s(traces[number]), span_s, Math.max(1, Math.floor(width)), (values, at) =>
                 valueOf(values, at, kind),
             );
         const curves = signals.map(columns);

@@ -6,12 +6,14 @@ const POINTER_HEAD = 8;
 const POINTER_BYTES = 28;
 
 // Binary 1: the samples of a hand on a pad or input by its number, oldest first; `planned` ones are sent ahead of their times.
-export function pointers(pad, samples, planned = false) {
+// `graph` is the number of the graph whose pads these are, 0 for any.
+export function pointers(pad, samples, planned = false, graph = 0) {
     const view = new DataView(new ArrayBuffer(POINTER_HEAD + POINTER_BYTES * samples.length));
     view.setUint8(0, POINTERS);
     view.setUint8(1, pad);
     view.setUint16(2, samples.length, true);
-    view.setUint32(4, Number(planned), true);
+    view.setUint8(4, Number(planned));
+    view.setUint16(6, graph, true);
     samples.forEach((sample, i) => {
         const at = POINTER_HEAD + POINTER_BYTES * i;
         view.setFloat64(at, sample.time_ms, true);

@@ -174,7 +174,7 @@ export class Hands {
 
     #send(hand, samples) {
         hand.sent_ms = performance.now();
-        this.#connection.sendBinary(pointers(hand.pad, samples));
+        this.#connection.sendBinary(pointers(hand.pad, samples, false, this.#connection.graph));
         if (hand.pad < this.pads.length) this.#rests[hand.pad] = { ...samples.at(-1), force_n: 0, sent_ms: hand.sent_ms };
     }
 

@@ -153,7 +153,7 @@ function barOf(studio, state, card) {
     const name = make("span", {
         class: "scope-name clip",
         text: card.name,
-        title: `${card.name}: ${card.port.quantity}, ${card.port.rate_hz} Hz`,
+        title: `${card.name}: ${card.port.quantity}, ${card.port.rate_hz} Hz${card.port.driver ? `, by ${card.port.driver}` : ""}`,
     });
     name.style.setProperty("--curve", "var(--ink0)");
     return make(
@@ -251,7 +251,8 @@ function drawCard(studio, state, card, frame_ms) {
         actuators: studio.status?.actuators ?? [],
     };
     const actuator = limits && actuators.find(({ name }) => name === limits.name);
-    const seen = { trace, span_s, end_s: end_s - back_s, back_s, now_ms, limits, actuator, paused: paused !== null };
+    const own_s = end_s + studio.taps.ahead_s(card.trace); // by the driver of the port
+    const seen = { trace, span_s, end_s: own_s - back_s, back_s, now_ms, limits, actuator, paused: paused !== null };
     VIEWS[card.view](context, card.surface, { ...card, ...seen });
 }
 

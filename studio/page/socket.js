@@ -12,6 +12,7 @@ let socket = null;
 let player = null;
 let said = null;
 let stroke = null;
+let graph = 0; // the number of the graph whose pads are stroked
 let page_ms = 0; // the page's clock less this one
 
 const hear = {
@@ -23,6 +24,7 @@ const hear = {
     send: ({ message }) => send(message),
     player: ({ port }) => (player = port),
     stroke: ({ how }) => guide(how),
+    graph: ({ number }) => (graph = number),
 };
 onmessage = ({ data }) => hear[data.what]?.(data);
 
@@ -59,7 +61,7 @@ function guide(how) {
     stroke = how && new Stroke(how, performance.now() + page_ms);
 }
 
-const sendPlanned = ({ number, samples }) => send(pointers(number, samples, true));
+const sendPlanned = ({ number, samples }) => send(pointers(number, samples, true, graph));
 
 setInterval(() => {
     for (const part of stroke?.until(performance.now() + page_ms) ?? []) {

@@ -132,7 +132,8 @@ function ownerSays(studio) {
 }
 
 function engineSays(studio, counts, recent) {
-    const { behind_ms, cost, silent, actuators, note } = studio.status;
+    const { behind_ms, cost, silent, note } = studio.status;
+    const actuators = studio.blind ? [] : studio.status.actuators; // how warm a coil is tells a surface
     if (recent("faults"))
         return {
             level: "bad",
@@ -198,6 +199,7 @@ function showBadge(studio) {
     find("state").dataset.state = state;
     setText(find("state"), state === "lost" ? "no engine" : state);
     showMoves(studio);
+    showDrivers(studio);
     const owner = find("owner");
     owner.disabled = studio.status?.owner !== false;
     setText(owner, !studio.status ? "" : studio.status.owner ? "the pad is yours" : "Take over");
@@ -212,6 +214,17 @@ function showMoves(studio) {
     badge.dataset.state = real.length ? "stopped" : "";
     setText(find("moves-what"), real.length ? "real" : "simulated");
     setText(find("moves-more"), real.length ? `: ${real.map(({ name }) => name).join(", ")}` : ": nothing real moves");
+}
+
+// Whose time runs a graph of several drivers.
+function showDrivers({ graph }) {
+    const drivers = graph?.drivers ?? [];
+    const names = drivers.map(({ name }) => name).join(" and ");
+    const isOne = drivers.every(({ simulated }) => simulated);
+    const says = isOne ? `${names} run on one clock, their rings are simulated` : `${names} run by their own clocks`;
+    find("drivers").hidden = drivers.length < 2;
+    setText(find("drivers"), drivers.length < 2 ? "" : says);
+    find("drivers").title = isOne ? "No device is real: the crystals of both sides do not drift here" : "";
 }
 
 // Latency from the pointer to the ear, or to the engine without sound.
@@ -238,7 +251,7 @@ function figures(studio, { counts }) {
     if (!status) return "";
     const parts = [
         `${status.time_s.toFixed(1)} s`,
-        `processor ${(100 * status.cost).toFixed(0)} %`,
+        ...(studio.blind ? [] : [`processor ${(100 * status.cost).toFixed(0)} %`]),
         `${status.late} late`,
         `${status.lost} lost`,
     ];

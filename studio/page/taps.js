@@ -8,13 +8,15 @@ export class Taps {
     #connection;
     #slots = []; // { trace, since_ms } or null: the places of the latest list
     #pending = false;
-    #offset_s = null; // run time less the page's own
+    #offsets_s = new Map(); // by driver: its time less the page's own
+    #drivers = new Map(); // by port, where real drivers run, each by its own time
+    #first = null; // the driver whose time is that of the run
 
     constructor(connection) {
         this.#connection = connection;
         connection.on("samples", (frame) => this.#take(frame));
-        connection.on("graph", () => this.#restart());
-        connection.on("lost", () => (this.#offset_s = null));
+        connection.on("graph", (graph) => this.#restart(graph));
+        connection.on("lost", () => this.#offsets_s.clear());
     }
 
     // The trace of a port, sent from now on until it is released; null if all slots are taken.
@@ -47,7 +49,20 @@ export class Taps {
 
     // The time of the run, interpolated by the page's clock.
     now_s() {
-        return performance.now() / 1000 + (this.#offset_s ?? 0);
+        return performance.now() / 1000 + this.#offset_s;
+    }
+
+    // The time of a trace's own driver less that of the run.
+    ahead_s({ name }) {
+        return (this.#offsets_s.get(this.#driverOf(name)) ?? this.#offset_s) - this.#offset_s;
+    }
+
+    get #offset_s() {
+        return this.#offsets_s.get(this.#first) ?? this.#offsets_s.values().next().value ?? 0;
+    }
+
+    #driverOf(name) {
+        return this.#drivers.get(name) ?? this.#first;
     }
 
     #announce() {
@@ -59,9 +74,12 @@ export class Taps {
         });
     }
 
-    #restart() {
+    #restart({ ports, contacts, drivers = [] }) {
         for (const trace of this.traces) trace.clear();
-        this.#offset_s = null;
+        this.#offsets_s.clear();
+        const isOne = drivers.every(({ simulated }) => simulated);
+        this.#first = isOne ? null : drivers[0].name;
+        this.#drivers = new Map(isOne ? [] : [...ports, ...contacts].map(({ name, driver }) => [name, driver ?? this.#first]));
         this.#announce();
     }
 
@@ -69,13 +87,14 @@ export class Taps {
         const slot = this.#slots[frame.place];
         if (!slot || performance.now() - slot.since_ms < UNSETTLED_MS) return;
         slot.trace.push(frame);
-        this.#follow(slot.trace.end_s - performance.now() / 1000);
+        this.#follow(this.#driverOf(slot.trace.name), slot.trace.end_s - performance.now() / 1000);
     }
 
-    #follow(offset_s) {
-        const error_s = this.#offset_s === null ? Infinity : offset_s - this.#offset_s;
-        if (Math.abs(error_s) > 0.3) this.#offset_s = offset_s;
-        else this.#offset_s += error_s * (error_s > 0 ? 0.05 : 0.005);
+    #follow(driver, offset_s) {
+        const known_s = this.#offsets_s.get(driver) ?? -Infinity;
+        const error_s = offset_s - known_s;
+        const follows = error_s * (error_s > 0 ? 0.05 : 0.005);
+        this.#offsets_s.set(driver, Math.abs(error_s) > 0.3 ? offset_s : known_s + follows);
     }
 }
 

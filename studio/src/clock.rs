@@ -1,7 +1,7 @@
-//! What runs the frames of a run: the stage itself, or drivers.
+//! What runs the frames of a run: the stage itself, which runs the players of all drivers on one clock, or drivers.
 
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{Player, Session, SessionOptions};
+use haptograph_engine::run::{Player, Session, SessionOptions, VirtualClock};
 use haptograph_live::{BackendError, Connections, Counts, Drivers, Role};
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,7 @@ pub(crate) struct Clock {
 
 /// Runs the frames on the thread that holds the stage: in a browser, in a replay, and where no device is real.
 struct OwnClock {
-    player: Box<Player>,
+    players: Box<VirtualClock>,
     /// Time to be run, s; `None` before the first frame.
     due_s: Option<f64>,
     timing: Timing,
@@ -55,17 +55,16 @@ impl Clock {
     /// [`BackendError`] if a driver cannot be started.
     pub(crate) fn start(
         (graph, connections): (&Graph, Connections),
-        player: Player,
+        (players, session): (Vec<Player>, &Session),
         options: &SessionOptions,
         has_drivers: bool,
     ) -> Result<Self, BackendError> {
         let (lives, own) = match has_drivers {
-            true => (vec![player], None),
-            false => (Vec::new(), Some(player)),
+            true => (players, None),
+            false => (Vec::new(), Some(Box::new(VirtualClock::running(players, session)))),
         };
         let drivers = Drivers::start(connections, graph, lives, &options.stop)?;
-        let own =
-            own.map(|player| OwnClock { player: Box::new(player), due_s: None, timing: Timing::default() });
+        let own = own.map(|players| OwnClock { players, due_s: None, timing: Timing::default() });
         Ok(Self { drivers, own })
     }
 
@@ -77,17 +76,26 @@ impl Clock {
     /// True if the run is over or, while it is stopped, if its soundcard is gone.
     pub(crate) fn is_over(&self, is_stopping: bool) -> bool {
         match &self.own {
-            Some(own) => own.player.is_idle(),
+            Some(own) => own.players.is_idle(),
             None => self.drivers.is_finished(is_stopping),
         }
     }
 
-    /// Number of under- and overruns of the soundcard that drives the run.
+    /// True if one driver has ended while others still run; they must then be stopped.
+    pub(crate) fn is_partly_over(&mut self) -> bool {
+        match &self.own {
+            Some(own) => own.players.is_partly_idle(),
+            None => self.drivers.is_partly_finished(),
+        }
+    }
+
+    /// Number of under- and overruns of the soundcards that drive the run.
     pub(crate) fn xruns(&self) -> Option<u64> {
-        self.drivers.counted(Role::Driver).find_map(|(_, counts)| match counts {
+        let counted = self.drivers.counted(Role::Driver).filter_map(|(_, counts)| match counts {
             Counts::Stream(counts) => Some(counts.xruns),
             _ => None,
-        })
+        });
+        counted.reduce(|all, xruns| all + xruns)
     }
 
     /// Timing of the run so far.
@@ -95,25 +103,25 @@ impl Clock {
         if let Some(own) = &self.own {
             return own.timing;
         }
-        let polled = session.poll();
-        polled.first().map_or_else(Timing::default, |(_, meters)| Timing {
+        // Frames are those of the first driver; the work is that of all.
+        session.poll().into_iter().rev().fold(Timing::default(), |all, (_, meters)| Timing {
             frames: meters.frames,
-            work_ns: meters.work_ns,
-            late_ns: meters.late_ns,
-            late: meters.lateness.count_beyond(LATE_NS),
+            work_ns: all.work_ns + meters.work_ns,
+            late_ns: all.late_ns.max(meters.late_ns),
+            late: all.late + meters.lateness.count_beyond(LATE_NS),
         })
     }
 
     /// Runs `frames` frames, unless drivers do. Real-time code.
     pub(crate) fn process(&mut self, frames: usize) {
         if let Some(own) = &mut self.own {
-            own.player.process(frames);
+            own.players.process(frames);
         }
     }
 
     /// Largest number of frames to run at once: those of a period, or a block of the plan if it is shorter.
     pub(crate) fn part(&self, rate_hz: f64) -> u64 {
-        let block = self.own.as_ref().map_or(1, |own| own.player.block());
+        let block = self.own.as_ref().map_or(1, |own| own.players.block());
         (PERIOD.as_secs_f64() * rate_hz).ceil().min(block as f64) as u64
     }
 
@@ -134,14 +142,14 @@ impl Clock {
         let Some(own) = &mut self.own else { return };
         let due_s = own.due_s.unwrap_or_default() - frames as f64 / rate_hz;
         own.due_s = Some(due_s);
-        own.timing.record(own.player.frames(), work, (due_s - 1.0 / rate_hz).max(0.0));
+        own.timing.record(own.players.frames(), work, (due_s - 1.0 / rate_hz).max(0.0));
     }
 
     /// Updates the timing if a page's audio thread runs the frames: wall-clock time and computing time since the last
     /// call.
     pub(crate) fn keep_time(&mut self, passed: Duration, work: Duration, rate_hz: f64) {
         let Some(own) = &mut self.own else { return };
-        let frames = own.player.frames();
+        let frames = own.players.frames();
         let run_s = (frames - own.timing.frames) as f64 / rate_hz;
         own.timing.record(frames, work, (passed.as_secs_f64() - run_s).max(0.0));
     }
@@ -155,15 +163,15 @@ impl Clock {
         }
     }
 
-    /// Ends the run and disconnects its devices, after a last zero to each. Returns the player unless its thread panicked,
+    /// Ends the run and disconnects its devices, after a last zero to each. Returns the players unless a thread panicked,
     /// or is still on its way to zero: a slew limit can make that long.
-    pub(crate) fn join(mut self) -> Option<Player> {
+    pub(crate) fn join(mut self) -> Option<Vec<Player>> {
         if let Some(own) = self.own {
-            return Some(*own.player);
+            return Some(own.players.into_players());
         }
         self.drivers.stop();
         match self.drivers.is_finished(true) {
-            true => self.drivers.join().ok()?.pop(),
+            true => self.drivers.join().ok(),
             false => None,
         }
     }
@@ -184,9 +192,9 @@ mod tests {
         let document = Document::parse("g.ron", &text).expect("it is RON");
         let graph = check(&document, &registry, &CheckOptions::default()).expect("it is valid");
         let options = SessionOptions::default();
-        let (player, _) = Player::open(&graph, &options).expect("it runs");
+        let (players, session) = Player::open_all(&graph, &options).expect("it runs");
         let connections = Connections::with_drivers(&registry);
-        Clock::start((&graph, connections), player, &options, false).expect("it needs no driver")
+        Clock::start((&graph, connections), (players, &session), &options, false).expect("it needs no driver")
     }
 
     #[test]

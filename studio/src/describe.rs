@@ -152,6 +152,10 @@ fn shown(stage: &Stage) -> Value {
     });
     let ports = scope::ports(graph);
     let sound = stage.signals.sound.as_ref();
+    let drivers = graph.drivers().into_iter().map(|driver| {
+        let clock = &graph.clocks()[driver];
+        json!({ "name": clock.name, "rate_hz": clock.rate.hz(), "simulated": !stage.has_drivers() })
+    });
     let devices = graph.devices().iter();
     let devices = devices.filter(|device| !stage.loaded.is_pad(&device.name));
     let devices = devices.map(|device| {
@@ -161,7 +165,7 @@ fn shown(stage: &Stage) -> Value {
         })
     });
     json!({
-        "type": "graph",
+        "type": "graph", "number": stage.signals.graph,
         "name": name, "about": graph.about(), "path": stage.source.path.display().to_string(),
         "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
         "drawing": drawing::standalone_svg(graph, &name),
@@ -178,6 +182,7 @@ fn shown(stage: &Stage) -> Value {
         "contacts": ports.iter().filter(|port| port.kind == Contact::KIND).map(port).collect::<Vec<_>>(),
         "actuators": actuators.collect::<Vec<_>>(),
         "devices": devices.collect::<Vec<_>>(),
+        "drivers": drivers.collect::<Vec<_>>(),
         "sound": sound.map(|sound| json!({ "rate_hz": sound.rate_hz, "what": sound.port })),
         "surfaces": surfaces(stage),
     })
@@ -204,7 +209,7 @@ fn port(port: &Port) -> Value {
     json!({
         "name": port.name, "node": port.node, "kind": port.kind.to_string(),
         "quantity": port.quantity.name(), "unit": port.quantity.unit(), "rate_hz": port.rate_hz,
-        "lanes": scope::components(port.kind),
+        "lanes": scope::components(port.kind), "driver": port.driver,
     })
 }
 

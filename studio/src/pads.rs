@@ -2,6 +2,7 @@
 
 use super::channels::{Gives, PadSpec, Touch};
 use super::pointer::Pointer;
+use super::scope::driver_of;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::host::{AnyInput, HostError};
 use haptograph_nodes::simulated::touchable::Touchable;
@@ -27,6 +28,8 @@ const DOWN_M_S: f64 = 0.1;
 /// An endpoint represented by pointers.
 #[derive(Debug)]
 pub(crate) struct Pad {
+    /// The driver of its endpoint, as in [`scope::driver_of`](super::scope::driver_of).
+    pub driver: Option<String>,
     channels: Vec<(AnyInput, Gives)>,
     /// The surface that the pad lies on.
     on: Option<Touchable>,
@@ -47,7 +50,9 @@ impl Pad {
         };
         let channels = spec.channels.iter().map(channel).collect::<Result<Vec<_>, HostError>>()?;
         let period_s = channels.first().map_or(0.0, |(input, _)| input.rate().period_s());
+        let device = graph.devices().iter().find(|device| device.name == spec.endpoint);
         Ok(Self {
+            driver: device.and_then(|device| driver_of(graph, device.clock)),
             channels,
             on: spec.on.clone(),
             period_s,

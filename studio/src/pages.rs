@@ -44,7 +44,8 @@ pub(crate) struct Page {
     pub sees_levels: bool,
     pub lost: u64,
     pub is_gone: bool,
-    pub clock: PageClock,
+    /// By the driver of a pad.
+    pub clocks: Vec<(Option<String>, PageClock)>,
 }
 
 /// The pages of a stage.
@@ -62,6 +63,16 @@ pub(crate) struct Pages {
 }
 
 impl Page {
+    /// Its clock by the time of a driver.
+    pub(crate) fn clock_of(&mut self, driver: Option<&str>) -> &mut PageClock {
+        let known = self.clocks.iter().position(|(known, _)| known.as_deref() == driver);
+        let place = known.unwrap_or_else(|| {
+            self.clocks.push((driver.map(str::to_owned), PageClock::default()));
+            self.clocks.len() - 1
+        });
+        &mut self.clocks[place].1
+    }
+
     /// Sends a text that a participant may see.
     pub(crate) fn tell(&mut self, message: Message) {
         self.put(message);

@@ -23,6 +23,7 @@ pub(crate) struct Port {
     pub kind: Kind,
     pub quantity: haptograph_signal::quantity::Quantity,
     pub rate_hz: f64,
+    pub driver: Option<String>,
 }
 
 impl Port {
@@ -52,7 +53,14 @@ fn port(graph: &Graph, node: &haptograph_engine::graph::Node, output: &Output) -
         kind: output.kind,
         quantity: output.quantity,
         rate_hz: clock.rate.hz(),
+        driver: driver_of(graph, node.clock?),
     })
+}
+
+/// Name of the driver of a clock; `None` if the graph has one driver alone, which a swap may rename.
+pub(crate) fn driver_of(graph: &Graph, clock: usize) -> Option<String> {
+    let driver = graph.clocks().get(clock)?.driver;
+    (graph.drivers().len() > 1).then(|| graph.clocks()[driver].name.clone())
 }
 
 /// A port with its incoming frames.
@@ -61,7 +69,7 @@ pub(crate) struct Scope {
     pub port: Port,
     pub level: Level,
     frames: AnyOutput,
-    /// Time of the run at the first frame, s; `None` before it. An estimate, to within a block, if the scope was added to a
+    /// Time of its driver at the first frame, s; `None` before it. An estimate, to within a block, if the scope was added to a
     /// run or lost frames.
     begin_s: Option<f64>,
     /// Number of frames before the fresh ones.
@@ -165,14 +173,16 @@ impl Scope {
         &self.fresh[before..]
     }
 
-    /// Processes the frames up to `now_s`.
-    pub(crate) fn look(&mut self, now_s: f64) {
+    /// Processes the frames up to the time of its driver, s; those of a run that is over follow the ones before.
+    pub(crate) fn look(&mut self, now_s: Option<f64>) {
         self.take_in();
         let lanes = self.lanes();
         self.seen = self.fresh.len();
         let end_s = (self.count + (self.fresh.len() / lanes) as u64) as f64 / self.port.rate_hz;
-        let begin_s = self.begin_s.filter(|begin_s| (begin_s + end_s - now_s).abs() < APART_S);
-        if begin_s.is_none() && !self.fresh.is_empty() {
+        let is_at = |begin_s: f64, now_s: f64| (begin_s + end_s - now_s).abs() < APART_S;
+        if let Some(now_s) = now_s.filter(|now_s| !self.begin_s.is_some_and(|begin_s| is_at(begin_s, *now_s)))
+            && !self.fresh.is_empty()
+        {
             self.begin_s = Some(now_s - end_s);
         }
         self.level.take(self.port.kind, &self.fresh);
@@ -191,7 +201,7 @@ impl Scope {
         &self.fresh
     }
 
-    /// Time of the run at the first new frame, s.
+    /// Time of its driver at the first new frame, s.
     pub(crate) fn fresh_s(&self) -> f64 {
         self.begin_s.unwrap_or(0.0) + self.count as f64 / self.port.rate_hz
     }

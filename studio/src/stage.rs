@@ -10,7 +10,7 @@ mod run_cycle;
 mod study;
 mod swap;
 
-use super::actuators::{Actuator, Sound};
+use super::actuators::{Actuator, Sound, has_real};
 use super::clock::Clock;
 use super::devices::Devices;
 use super::envelope::Permitted;
@@ -73,14 +73,21 @@ pub(crate) struct Signals {
     pub silent: Vec<(String, f64)>,
     /// Delays from the arrival of pointers to their ticks, s.
     pub latencies_s: Vec<f64>,
-    /// Rate of the driver, Hz.
+    /// Rate of the first driver, whose frames count the time of the run, Hz.
     pub rate_hz: f64,
+    /// Number of the graph, from 1 on: pointers that were made for another one are stale.
+    pub graph: u16,
 }
 
 impl Signals {
     /// The pad or input with this number.
     pub(crate) fn pad_mut(&mut self, number: usize) -> Option<&mut Pad> {
         self.pads.iter_mut().chain(&mut self.inputs).nth(number)
+    }
+
+    /// Counts a graph that takes over, or is loaded anew.
+    pub(crate) fn count_graph(&mut self) {
+        self.graph = self.graph.wrapping_add(1).max(1);
     }
 }
 
@@ -119,6 +126,21 @@ impl Stage {
         self.frames() as f64 / self.signals.rate_hz
     }
 
+    /// True if the drivers of devices run the graph, and false if its stage does, on one clock.
+    pub(crate) fn has_drivers(&self) -> bool {
+        let would_have = || self.host.can_drive && has_real(&self.loaded.graph);
+        self.clock.as_ref().map_or_else(would_have, Clock::has_drivers)
+    }
+
+    /// Time of a driver by its own frames, s: drivers of devices drift and begin one after the other. That of the run if all run
+    /// on one clock, and for the only driver; `None` without a run.
+    pub(crate) fn time_s_of(&self, driver: Option<&str>) -> Option<f64> {
+        let session = self.session.as_ref()?;
+        let driver = driver.filter(|_| self.has_drivers());
+        let time = driver.and_then(|driver| session.times_s().find(|(known, _)| *known == driver));
+        Some(time.map_or_else(|| self.now_s(), |(_, time_s)| time_s))
+    }
+
     /// Updates the timing if the caller drives: wall-clock time and computing time since the last call.
     pub(crate) fn keep_time(&mut self, passed: Duration, busy: Duration) {
         if let Some(clock) = &mut self.clock {
@@ -148,7 +170,6 @@ impl Stage {
 
     /// Collects the new data of the run.
     pub(crate) fn look(&mut self) {
-        let now_s = self.now_s();
         let notes = self.clock.as_mut().map(|clock| clock.drivers.poll());
         for note in notes.unwrap_or_default() {
             if let BackendEvent::Changed(note) = note {
@@ -161,11 +182,14 @@ impl Stage {
             session.poll();
         }
         self.disarm_if_silent();
-        self.look_at_scopes(now_s);
+        self.look_at_scopes();
     }
 
     /// Ends runs and replays that are over, after their last data have been sent to the pages.
     pub(crate) fn end_what_is_over(&mut self) {
+        if !self.cycle.is_stopping && self.clock.as_mut().is_some_and(Clock::is_partly_over) {
+            self.stop_within(Duration::ZERO);
+        }
         let is_stopping = self.cycle.is_stopping;
         if self.cycle.state == State::Running
             && self.clock.as_ref().is_some_and(|clock| clock.is_over(is_stopping))
@@ -181,10 +205,12 @@ impl Stage {
         }
     }
 
-    pub(crate) fn look_at_scopes(&mut self, now_s: f64) {
-        for scope in &mut self.signals.scopes {
-            scope.look(now_s);
+    pub(crate) fn look_at_scopes(&mut self) {
+        let mut scopes = std::mem::take(&mut self.signals.scopes);
+        for scope in &mut scopes {
+            scope.look(self.time_s_of(scope.port.driver.as_deref()));
         }
+        self.signals.scopes = scopes;
         if let Some(signals) = &mut self.recorder.signals {
             signals.take(&self.signals.scopes);
         }
@@ -203,24 +229,30 @@ impl Stage {
         values.iter().map(move |value| value / peak)
     }
 
-    /// Applies pointer events of a page to a pad or input; ignored for pages that do not own the pads, and during a
-    /// replay.
+    /// Applies pointer events of a page to a pad or input; ignored for pages that do not own the pads, during a replay, and
+    /// if they were made for another graph.
     pub(crate) fn point(&mut self, page: u64, pointers: &Pointers) {
         let number = pointers.number;
         if self.pages.owner != Some(page) || self.cycle.replay.is_some() || !self.study_feels() {
+            return;
+        }
+        if pointers.graph.is_some_and(|graph| graph != self.signals.graph) {
             return;
         }
         // The participant of a study moves pads alone.
         if self.pages.study.is_some() && number >= self.signals.pads.len() {
             return;
         }
-        let now_s = self.now_s();
+        let Some(pad) = self.signals.pad_mut(number) else { return };
+        let driver = pad.driver.clone();
+        let now_s = self.time_s_of(driver.as_deref()).unwrap_or_default();
         for point in &pointers.points {
             let page = self.pages.list.iter_mut().find(|known| known.id == page);
             let Some(page) = page else { return };
+            let clock = page.clock_of(driver.as_deref());
             let due_s = match pointers.are_planned {
-                true => page.clock.planned_s(point.at_s, now_s),
-                false => page.clock.due_s(point.at_s, now_s),
+                true => clock.planned_s(point.at_s, now_s),
+                false => clock.due_s(point.at_s, now_s),
             };
             if !pointers.are_planned {
                 self.signals.latencies_s.push((due_s - now_s).max(0.0));
@@ -231,15 +263,29 @@ impl Stage {
         self.signals.latencies_s.drain(..most);
     }
 
-    /// Applies a pointer event that is due at a time of the run to a pad or input, and records it.
+    /// Applies a pointer event that is due at a time of its driver to a pad or input, and records it by the time of the run.
     fn make(&mut self, number: usize, due_s: f64, point: &Pointer) {
-        // The recorded event is the one that is applied.
-        let made = Move::new(self.frames(), number, due_s, point);
         let Some(pad) = self.signals.pad_mut(number) else { return };
-        let (due_s, point) = made.pointer();
-        pad.move_to(due_s, &point);
+        let driver = pad.driver.clone();
+        let ahead_s = self.ahead_s(driver.as_deref());
+        // The recorded event is the one that is applied.
+        let made = Move::new(self.frames(), number, due_s - ahead_s, point);
+        self.apply(&made, ahead_s);
         if let Some(recording) = &mut self.recorder.recording {
             recording.moves.push(made);
+        }
+    }
+
+    /// Time of a driver less that of the run, s.
+    fn ahead_s(&self, driver: Option<&str>) -> f64 {
+        self.time_s_of(driver).map_or(0.0, |time_s| time_s - self.now_s())
+    }
+
+    /// Gives a pad or input a recorded event; its driver is ahead of the run by `ahead_s`.
+    pub(crate) fn apply(&mut self, made: &Move, ahead_s: f64) {
+        let (due_s, pointer) = made.pointer();
+        if let Some(pad) = self.signals.pad_mut(made.pad) {
+            pad.move_to(due_s + ahead_s, &pointer);
         }
     }
 
@@ -250,7 +296,9 @@ impl Stage {
         }
         for number in 0..self.signals.inputs.len() {
             if let Some(held) = self.signals.inputs[number].held() {
-                self.make(self.signals.pads.len() + number, self.now_s(), &Pointer { force_n: 0.0, ..held });
+                let due_s = self.time_s_of(self.signals.inputs[number].driver.as_deref());
+                let (number, due_s) = (self.signals.pads.len() + number, due_s.unwrap_or_default());
+                self.make(number, due_s, &Pointer { force_n: 0.0, ..held });
             }
         }
     }

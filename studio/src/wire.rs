@@ -220,6 +220,8 @@ pub(crate) fn parse_text(text: &str) -> Result<Option<ClientMessage>, WireError>
 #[derive(Debug, PartialEq)]
 pub(crate) struct Pointers {
     pub number: usize,
+    /// Number of the graph that they were made for; `None` for any.
+    pub graph: Option<u16>,
     /// True if they are sent ahead of their times, which are exact.
     pub are_planned: bool,
     pub points: Vec<Pointer>,
@@ -235,7 +237,8 @@ pub(crate) fn pointers(bytes: &[u8]) -> Result<Pointers, WireError> {
     }
     let points = body.chunks_exact(POINTER).map(pointer);
     let points = points.collect::<Option<Vec<_>>>().ok_or(WireError::Pointer)?;
-    Ok(Pointers { number: usize::from(head[1]), are_planned: head[4] == 1, points })
+    let graph = Some(u16::from_le_bytes([head[6], head[7]])).filter(|graph| *graph != 0);
+    Ok(Pointers { number: usize::from(head[1]), graph, are_planned: head[4] == 1, points })
 }
 
 fn pointer(bytes: &[u8]) -> Option<Pointer> {
@@ -295,7 +298,9 @@ mod tests {
         let mut bytes = message(1, &[(1500.0, [10.0, -20.0, 1.5, 30.0, -45.0])]);
         assert!(!pointers(&bytes).expect("right").are_planned);
         bytes[4] = 1;
-        let Pointers { number, are_planned, points } = pointers(&bytes).expect("right");
+        bytes[6..8].copy_from_slice(&300_u16.to_le_bytes());
+        let Pointers { number, graph, are_planned, points } = pointers(&bytes).expect("right");
+        assert_eq!(graph, Some(300));
         let [point] = points[..] else { panic!("one") };
         assert_eq!((number, are_planned, point.at_s, point.force_n), (1, true, 1.5, 1.5));
         assert_eq!(point.tilt_deg, [30.0, -45.0]);

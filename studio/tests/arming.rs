@@ -88,10 +88,25 @@ const GRAPH: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000)
     "live": { "coil": UdpDevice(listen: "PLACE", timeout_ms: 1000) },
 })"#;
 
+/// The same between two drivers.
+const OF_TWO: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 8000), "servo": Driver(rate_hz: 1000) }, nodes: {
+    "one": Constant(clock: "audio", value: 0.5, quantity: "current"),
+    "out": ActuatorSink(
+        clock: "servo", current: Ring(from: "one", latency_ms: 20), endpoint: "coil", limit: (peak_a: 1, continuous_a: 1),
+    ),
+}, endpoints: {
+    "simulated": { "coil": SimulatedHaptuator() },
+    "live": { "coil": UdpDevice(listen: "PLACE", timeout_ms: 1000) },
+})"#;
+
 impl Rig {
     fn new(endpoints: Option<&str>) -> Self {
+        Self::of(GRAPH, endpoints)
+    }
+
+    fn of(graph: &str, endpoints: Option<&str>) -> Self {
         let (coil, folder) = (Coil::new(), tempfile::tempdir().expect("a folder"));
-        let text = GRAPH.replace("PLACE", &coil.place.to_string());
+        let text = graph.replace("PLACE", &coil.place.to_string());
         std::fs::write(folder.path().join("g.ron"), text).expect("written");
         let studio = open(folder.path(), endpoints).expect("a studio");
         Self { coil, studio, folder }
@@ -224,6 +239,30 @@ fn a_real_actuator_is_silent_until_the_owner_arms_it_and_after_everything_that_d
     page.wait(|said| said["type"] == "status" && said["recording_s"].is_null());
     rig.assert_silent(&mut page);
     assert!(rig.folder.path().join("out/g-strokes-1/strokes.json").is_file());
+}
+
+#[test]
+fn two_drivers_of_a_real_actuator_run_by_their_own_time_and_a_stop_ends_both() {
+    let rig = Rig::of(OF_TWO, Some("live"));
+    let mut page = rig.page();
+    let drivers = page.graph["drivers"].as_array().expect("a list").clone();
+    assert!(drivers.len() == 2 && drivers.iter().all(|driver| driver["simulated"] == false), "{drivers:?}");
+    rig.coil.take();
+    page.say(&json!({ "type": "arm" }));
+    rig.hold_until(&mut page, |current| (current - 0.1 * ASKED_A).abs() < 1e-3);
+    // Each port has the time of its own driver.
+    for port in ["one.output", "out.delivered"] {
+        page.say(&json!({ "type": "scope", "ports": [{ "name": port, "raw": true }] }));
+        let samples = page.stroke(0.0, 0.0, 0.2);
+        assert!((f64::from(samples[samples.len() - 1]) - ASKED_A).abs() < 1e-3, "{port}");
+    }
+    let begun = page.wait(|said| said["type"] == "status")["time_s"].as_f64().expect("a time");
+    page.say(&json!({ "type": "stop" }));
+    page.wait(|said| said["type"] == "status" && said["state"] == "stopped");
+    assert!(begun > 0.2, "{begun}");
+    page.say(&json!({ "type": "resume" }));
+    page.wait(|said| said["type"] == "status" && said["state"] == "running");
+    rig.assert_silent(&mut page);
 }
 
 #[test]

@@ -11,6 +11,7 @@ import {
     open,
     picture,
     programTest,
+    ready,
     serverTest,
     studioOf,
     test,
@@ -123,20 +124,35 @@ serverTest("a STOP without a connection stops the engine when there is one, and 
     await until(page, () => studio.status.owner);
 });
 
-programTest("a page of a studio that was restarted says so, and tries no more", async () => {
+programTest("a page of a studio that was killed and started anew says so, tries no more, and takes the new link", async () => {
     const first = await studioOf("graphs/texturepad.ron");
     const page = await open({ at: first.address, expected: LOST });
-    await first.end();
+    await first.end("SIGKILL");
     await until(page, () => !studio.connection.open);
+    // Without a server it tries again, after longer and longer pauses.
+    await until(page, () => studio.lost.wait_s > 1);
+    assert.match(await page.textContent("#banner"), /Trying again in/);
     const next = await studioOf("graphs/texturepad.ron", { more: ["--port", new URL(first.address).port] });
     try {
         await until(page, () => studio.lost.wait_s === null);
-        assert.match(await page.textContent("#banner"), /restarted: open the new address/);
-        await until(page, () => document.getElementById("status-text").textContent.includes("restarted"));
+        assert.match(await page.textContent("#banner"), /started anew: open the link/);
+        await until(page, () => document.getElementById("status-text").textContent.includes("started anew"));
+        const tries = [];
+        page.on("websocket", () => tries.push("again"));
+        page.on("request", () => tries.push("again"));
+        await page.waitForTimeout(10_000); // longer than the longest pause
+        assert.deepEqual(tries, []);
         await picture(page, "restarted-light");
         await page.emulateMedia({ colorScheme: "dark" });
         await picture(page, "restarted-dark");
-        await page.reload();
+        await page.fill(".link-field input", "no link");
+        await page.click(".link-field button");
+        assert.equal(await page.getAttribute(".link-field input", "aria-invalid"), "true");
+        const old = page.url();
+        await page.fill(".link-field input", next.address);
+        await page.keyboard.press("Enter");
+        await ready(page);
+        await page.goto(old);
         assert.match(await page.textContent("body"), /of a studio that was closed/);
     } finally {
         await page.context().close();

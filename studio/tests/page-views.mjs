@@ -69,11 +69,7 @@ programTest("the first plot of every graph moves while its first pad is stroked,
     const left = [...shipped];
     const tryNext = async () => {
         for (let graph = left.shift(); graph; graph = left.shift()) {
-            const opened = await pageOf(graph).catch((error) => ({ error }));
-            if (opened.error) {
-                assert.match(opened.error.message, /one driver clock/, graph); // such a graph has no page
-                continue;
-            }
+            const opened = await pageOf(graph);
             const found = await faultsOf(opened.page);
             faults.push(...found.map((fault) => `${graph}: ${fault}`));
             await picture(opened.page, `views-${graph.replaceAll("/", "-")}`);

@@ -178,6 +178,7 @@ test("nothing that can be read says which surface runs while one compares blind"
     await page.click("#compare");
     await page.check("#blind");
     const hand = await pen(page);
+    const document_title = await page.title();
     const sides = await page.evaluate(() => studio.compared.map(({ path, name }) => ({ path, name })));
     for (const [x, { path, name }] of [
         [0.25, sides[0]],
@@ -198,8 +199,20 @@ test("nothing that can be read says which surface runs while one compares blind"
             ])
                 assert(!text.includes(said), `${tab}: ${text.split("\n").find((line) => line.includes(said))}`);
         }
+        // Nothing draws a signal, a cost or a picture, but the pad its hands.
+        const drawn = await page.evaluate(() => {
+            const all = [...document.querySelectorAll("canvas, svg, img, meter, .scope, .view")];
+            const seen = all.filter((each) => each.checkVisibility({ visibilityProperty: true }) && !each.closest("#pad, header"));
+            const paints = [...document.querySelectorAll("#pad-swatch, .pad-half")].filter((each) => /url/.test(getComputedStyle(each).backgroundImage));
+            return [...seen, ...paints].map((each) => `${each.localName}#${each.id}.${each.className}`);
+        });
+        assert.deepEqual(drawn, []);
+        assert.doesNotMatch(await page.textContent("#status-figures"), /processor/);
+        assert(!sides.some((side) => document_title.includes(side.name)), document_title);
         await hand.lift(x, 0.5);
     }
+    await page.evaluate(() => studio.showTab("graph"));
+    await picture(page, "blind-graph");
     await page.evaluate(() => studio.showTab("controls"));
     await picture(page, "blind-controls");
     await page.evaluate(() => studio.showTab("surfaces"));

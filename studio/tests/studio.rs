@@ -623,11 +623,75 @@ fn a_stop_is_heard_by_a_run_that_never_keeps_up_while_another_page_floods_it() {
 }
 
 #[test]
-fn a_graph_of_two_drivers_is_refused_in_the_words_of_the_studio() {
-    let options = options(&shipped("two-drivers.ron"), &std::env::temp_dir());
-    let error = Studio::open(&options, &haptograph_nodes::registry()).expect_err("it has two");
-    let error = error.to_string();
-    assert!(["studio", "`audio`, `servo`", "Derived"].iter().all(|part| error.contains(part)), "{error}");
+fn graphs_of_two_drivers_run_on_one_clock_are_stroked_replayed_and_stopped() {
+    for (graph, ports) in [
+        ("two-drivers.ron", ["stylus.force", "moving.output", "out.delivered"]),
+        ("omni-coil.ron", ["normal.load", "moving.output", "coil.delivered"]),
+    ] {
+        let out = tempfile::tempdir().expect("a folder");
+        let studio = open_with(&shipped(graph), out.path());
+        let mut page = Page::of(&studio);
+        let drivers = page.graph["drivers"].as_array().expect("a list").clone();
+        assert!(
+            drivers.len() == 2 && drivers.iter().all(|driver| driver["simulated"] == true),
+            "{drivers:?}"
+        );
+        assert_eq!(named(&page.graph["ports"], ports[0])["driver"], "servo");
+        assert_eq!(named(&page.graph["ports"], ports[2])["driver"], "audio");
+        // Of each side the last look at it, and all of what the coil is driven by.
+        for port in &ports[..2] {
+            page.say(&json!({ "type": "scope", "ports": [{ "name": port, "raw": true }] }));
+            assert!(rms(&page.stroke(100.0, 1.0, 1.5)) > 1e-3, "{graph}: {port}");
+        }
+        page.say(&json!({ "type": "scope", "ports": [{ "name": ports[2], "raw": true }] }));
+        page.say(&json!({ "type": "record", "on": true }));
+        page.wait(|said| said["type"] == "graph");
+        let felt = page.stroke(100.0, 1.0, 1.5);
+        page.say(&json!({ "type": "record", "on": false }));
+        let kept = page.wait(|said| said["type"] == "recording");
+        page.wait(|said| said["type"] == "graph");
+        let folder = PathBuf::from(kept["saved"].as_str().expect("it is saved"));
+        assert!(folder.join("report.html").is_file() && rms(&felt) > 1e-3, "{graph}: {}", rms(&felt));
+        page.say(&json!({ "type": "replay", "request": 0, "recording": kept["recording"] }));
+        page.wait(|said| said["type"] == "graph");
+        let count = felt.len() - 4800;
+        let again = page.stroke(0.0, 0.0, count as f64 / 48e3);
+        let differs = (0..count.min(again.len())).find(|at| felt[*at].to_bits() != again[*at].to_bits());
+        assert_eq!(differs, None, "{graph}: of {count} samples, bit for bit");
+        page.wait(|said| said["type"] == "status" && said["replay"].is_null() && said["state"] == "running");
+        page.stroke(100.0, 1.0, 0.5);
+        let fall = [page.stroke(100.0, 1.0, 0.1), {
+            page.say(&json!({ "type": "stop" }));
+            page.wait(|said| said["type"] == "status" && said["state"] == "stopped");
+            Vec::new()
+        }];
+        assert!(rms(&fall[0]) > 1e-3, "{graph}");
+        let levels = page.wait(|said| said["type"] == "status");
+        let actuators = levels["actuators"].as_array().expect("a list");
+        assert!(actuators.iter().all(|actuator| actuator["rms"] == 0.0), "{actuators:?}");
+    }
+}
+
+#[test]
+fn pointers_that_were_made_for_another_graph_reach_no_input_of_this_one() {
+    let studio = open(&shipped("two-drivers.ron"));
+    let mut page = Page::of(&studio);
+    let before = page.graph["number"].as_u64().expect("a number") as u16;
+    page.say(&json!({ "type": "scope", "ports": [{ "name": "stylus.force" }] }));
+    page.made_for = before;
+    assert!(rms(&page.stroke(100.0, 1.0, 1.0)) > 0.1);
+    let edited = page.graph["text"].as_str().expect("a text").replace("cutoff_hz: 20", "cutoff_hz: 21");
+    assert_eq!(page.request(json!({ "type": "apply", "text": edited }))["ok"], true);
+    page.point(0.0, 0.0, 0.0);
+    let after = page.heard.iter().rev().find(|text| text.contains(r#""type":"graph""#)).expect("it is told");
+    let after: Value = serde_json::from_str(after).expect("JSON");
+    assert_eq!(after["number"].as_u64(), Some(u64::from(before) + 1));
+    // What was on its way meanwhile, after a last state that the stage drops, too.
+    page.stroke(0.0, 0.0, 0.5);
+    let stale = page.stroke(100.0, 2.0, 0.5);
+    assert!(stale.iter().all(|force| *force < 1.5), "{stale:?}");
+    page.made_for = before + 1;
+    assert!(page.stroke(100.0, 2.0, 1.0).iter().any(|force| *force > 1.5));
 }
 
 #[test]

@@ -14,8 +14,7 @@ impl Player {
     /// which sets parameters, replaces the graph and reports, from any other thread.
     ///
     /// # Errors
-    /// [`HostError`] if the graph has several drivers or a script among its nodes, another player runs it, or it has no such
-    /// probe.
+    /// [`HostError`] if the graph has several drivers, and as [`open_all`](Self::open_all).
     pub fn open(graph: &Graph, options: &SessionOptions) -> Result<(Self, Session), HostError> {
         let drivers = graph.drivers();
         if drivers.len() != 1 {
@@ -23,6 +22,17 @@ impl Player {
             let (count, drivers) = (drivers.len(), drivers.collect());
             return Err(HostError::Drivers { count, drivers });
         }
+        let (mut players, session) = Self::open_all(graph, options)?;
+        let none = || HostError::System { reason: "the graph has no driver".to_owned() };
+        Ok((players.pop().ok_or_else(none)?, session))
+    }
+
+    /// As [`open`](Self::open), of a graph with any number of drivers: their players in the order of the graph. Each is run by
+    /// a driver, or all by a [`VirtualClock`](crate::run::VirtualClock).
+    ///
+    /// # Errors
+    /// [`HostError`] if the graph has a script among its nodes, another player runs it, or it has no such probe.
+    pub fn open_all(graph: &Graph, options: &SessionOptions) -> Result<(Vec<Self>, Session), HostError> {
         if !options.offline {
             graph.refuse_scripts()?;
         }
@@ -34,15 +44,20 @@ impl Player {
         if let Some(folder) = &options.folder {
             sinks.open_files(folder).map_err(|error| system(&error))?;
         }
-        let claim = claim(graph)?;
-        let (mut player, session) = Session::open(sinks, options).map_err(|error| system(&error))?;
-        player.hold(claim);
-        // At fixed frames, so that the checks for silent endpoints do not depend on the calls.
-        player.follow_inputs_every(player.block() as u64);
-        if options.sample_costs && !cfg!(target_family = "wasm") {
-            player.sample_costs();
+        let mut claim = Some(claim(graph)?);
+        let (mut players, session) =
+            Session::open_all(sinks, options, None).map_err(|error| system(&error))?;
+        for player in &mut players {
+            if let Some(claim) = claim.take() {
+                player.hold(claim);
+            }
+            // At fixed frames, so that the checks for silent endpoints do not depend on the calls.
+            player.follow_inputs_every(player.block() as u64);
+            if options.sample_costs && !cfg!(target_family = "wasm") {
+                player.sample_costs();
+            }
         }
-        Ok((player, session))
+        Ok((players, session))
     }
 }
 

@@ -31,7 +31,7 @@ const SMOOTHING: f64 = 10.0;
 const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
 
 /// Latency of a ring beyond the resampler's, s.
-pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
+fn reserve_s(plan: &RingSpec) -> f64 {
     let kernel_s = steered(plan.from, plan.to).map_or(0.0, |one| one.latency_s());
     (plan.latency_s - kernel_s).max(plan.from.period_s())
 }
@@ -177,6 +177,7 @@ struct Steering {
     target: f64,
     /// Delay of the resampler, frames.
     half_width: f64,
+    reserve_s: f64,
     /// Natural frequency, rad/s.
     natural: f64,
     /// Smoothed deviation of the fill, s.
@@ -192,6 +193,7 @@ impl AsyncResamplerReader {
         let resamplers: Vec<SteeredResampler> =
             steered(plan.from, plan.to).map(|one| vec![one; width]).unwrap_or_default();
         let kernel_s = resamplers.first().map_or(0.0, SteeredResampler::latency_s);
+        let reserve_s = reserve_s(plan);
         let ratio = plan.from.hz() / plan.to.hz();
         let at_once = (plan.max_to as f64 * ratio * (1.0 + MAX_CORRECTION)).ceil() as usize + 2;
         Self {
@@ -216,13 +218,19 @@ impl AsyncResamplerReader {
                 period_s: plan.to.period_s(),
                 target: plan.latency_s * plan.from.hz(),
                 half_width: kernel_s * plan.from.hz(),
-                natural: NATURAL_FREQUENCY / reserve_s(plan),
+                reserve_s,
+                natural: NATURAL_FREQUENCY / reserve_s,
                 error_s: 0.0,
                 drift: 0.0,
             },
             ticks: 0,
             meter,
         }
+    }
+
+    /// The part of its latency that bridges late frames, s.
+    pub(super) fn reserve_s(&self) -> f64 {
+        self.steering.reserve_s
     }
 
     /// Frames that have arrived since the start.

@@ -139,8 +139,7 @@ impl Session {
         let stop = Arc::<AtomicBool>::default();
         let options = SessionOptions { offline: true, rested, stop, ..options.clone() };
         let (players, session) = Self::open_with(sinks, &options, Writer::of_the_caller())?;
-        let rings = session.ring_meters();
-        Ok((VirtualClock::new(players, rings), session))
+        Ok((VirtualClock::running(players, &session), session))
     }
 
     fn finish_offline(self, clock: VirtualClock, stopped: bool) -> Result<Outcome, OfflineError> {

@@ -171,6 +171,12 @@ impl Player {
 
     /// As [`process`](Self::process), in blocks of at most the plan's block; calls `each` after every block.
     pub fn process_with(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
+        self.begin();
+        self.process_in_quantum(frames, &mut each);
+    }
+
+    /// Runs frames after [`begin`](Self::begin): the frames that other drivers send meanwhile count later.
+    pub(super) fn process_in_quantum(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
         let mut left = frames;
         loop {
             let part = match self.follows_every {
@@ -178,10 +184,10 @@ impl Player {
                 every => left.min((every - self.frames % every) as usize),
             };
             self.guarded(|player| {
-                player.begin();
+                player.obey();
                 player.hear();
             });
-            self.run_due(part, &mut each);
+            self.run_due(part, each);
             left -= part;
             if left == 0 {
                 break;
@@ -198,13 +204,20 @@ impl Player {
 
     /// Takes the commands, and the frames that other drivers have sent by now.
     pub(super) fn begin(&mut self) {
+        self.guarded(|player| {
+            player.obey();
+            if player.state == PlayerState::Running {
+                player.run.poll_rings();
+            }
+        });
+    }
+
+    /// Takes the commands.
+    fn obey(&mut self) {
         self.take_commands();
         if !self.ending.is_stopping && self.ending.stop.load(Ordering::Relaxed) {
             self.run.fade_out(FADE_S);
             self.ending.is_stopping = true;
-        }
-        if self.state == PlayerState::Running {
-            self.run.poll_rings();
         }
     }
 

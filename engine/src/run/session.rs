@@ -339,6 +339,12 @@ impl Session {
         self.controls.first().map_or(0, |control| control.progress().frames())
     }
 
+    /// Time of each driver by its own frames, s, by name.
+    pub fn times_s(&self) -> impl Iterator<Item = (&str, f64)> {
+        let time = |control: &Control| control.progress().frames() as f64 / control.plan().driver_rate().hz();
+        self.controls.iter().map(move |control| (control.plan().driver_name(), time(control)))
+    }
+
     /// NaN and infinity at actuators by now.
     pub fn faults(&self) -> Faults {
         Faults::of(self.controls.iter().map(|control| control.progress().faults()))

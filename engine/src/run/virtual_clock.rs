@@ -2,12 +2,12 @@
 //!
 //! Time advances in quanta of at most a millisecond, as the wake-ups of timers do. In each quantum every driver first
 //! polls its rings and then runs the frames that are due; so the samples depend neither on the order of the drivers nor
-//! on the block size. A quantum of a single driver is a whole block. Nothing real is heard.
+//! on the block size, nor on how a caller cuts the time. A quantum of a single driver is a whole block. Nothing real is heard.
 
-use super::async_resampler::{RingMeter, reserve_s};
+use super::async_resampler::{AsyncResamplerReader, RingMeter};
 use super::player::{Player, PlayerState, player};
 use super::ring_edges::connect;
-use super::{Faults, Run};
+use super::{Faults, Run, Session};
 use crate::plan::{MAX_BLOCK, Plan, Planner};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,10 +21,15 @@ const BILLION: u128 = 1_000_000_000;
 pub struct VirtualClock {
     players: Vec<Player>,
     rings: Vec<Arc<RingMeter>>,
-    /// Length of a quantum in units of the common time base.
-    quantum: u128,
-    /// Number of quanta run.
-    quanta: u128,
+    /// Driver frames of each player so far.
+    done: Vec<u64>,
+    /// Length of a frame of each driver, in units of a common time base, of which a second has `units_per_second`. They hold
+    /// for every graph that takes over.
+    periods: Vec<u128>,
+    units_per_second: f64,
+    /// Time up to which the players have run, and the end of the present quantum.
+    now: u128,
+    end: u128,
     /// Deviation of each driver from its nominal rate, in parts per 10^9.
     drifts: Vec<i64>,
     /// Largest block in driver frames.
@@ -41,22 +46,22 @@ impl VirtualClock {
         Self::new(players, rings)
     }
 
-    /// The clock of these players, one for each driver of a graph, and of the rings between them.
-    pub(super) fn new(players: Vec<Player>, rings: Vec<Arc<RingMeter>>) -> Self {
-        let plans: Vec<&Plan> = players.iter().map(|player| &*player.run().plan).collect();
-        let reserves = plans.iter().flat_map(|plan| &plan.ring_reads).map(|read| reserve_s(&read.ring));
-        let quantum_s =
-            reserves.fold(QUANTUM_S, |quantum_s, reserve_s| quantum_s.min(PART_OF_RESERVE * reserve_s));
-        let quantum = match &plans[..] {
-            [alone] => u128::from(alone.base.period(alone.driver)) * alone.block as u128,
-            _ => {
-                let units = plans.first().map_or(1.0, |plan| plan.base.units_per_second());
-                ((quantum_s * units) as u128).max(1)
-            }
+    /// The clock of the players of a session, in the order of the graph.
+    pub fn running(players: Vec<Player>, session: &Session) -> Self {
+        Self::new(players, session.ring_meters())
+    }
+
+    fn new(players: Vec<Player>, rings: Vec<Arc<RingMeter>>) -> Self {
+        let period = |player: &Player| {
+            let plan = &player.run().plan;
+            u128::from(plan.base.period(plan.driver))
         };
+        let periods = players.iter().map(period).collect();
+        let units = players.first().map_or(1.0, |player| player.run().plan.base.units_per_second());
         let count = players.len();
-        let (drifts, due) = (vec![0; count], vec![0; count]);
-        Self { players, rings, quantum, quanta: 0, drifts, longest: MAX_BLOCK, due }
+        let (done, drifts, due) = (vec![0; count], vec![0; count], vec![0; count]);
+        let (units_per_second, longest) = (units, MAX_BLOCK);
+        Self { players, rings, done, periods, units_per_second, now: 0, end: 0, drifts, longest, due }
     }
 
     /// Makes each driver faster than nominal by `ppm` parts per million, to test drift.
@@ -89,36 +94,90 @@ impl VirtualClock {
 
     /// Runs a quantum in which `by` runs the frames of each player.
     pub(super) fn run_quantum_by(&mut self, mut by: impl FnMut(usize, &mut Player, usize)) {
-        self.quanta += 1;
+        self.begin_quantum();
+        self.now = self.end;
         for driver in 0..self.players.len() {
-            self.due[driver] = self.due(driver);
-            self.players[driver].begin();
+            let most =
+                self.players[driver].end().map_or(u64::MAX, |end| end.saturating_sub(self.done[driver]));
+            self.due[driver] = self.due(driver).min(most) as usize;
         }
         for (driver, (player, frames)) in self.players.iter_mut().zip(&self.due).enumerate() {
+            self.done[driver] += *frames as u64;
             by(driver, player, *frames);
         }
     }
 
-    /// Length of a quantum, s.
-    pub fn quantum_s(&self) -> f64 {
-        let units = self.runs().next().map(|run| run.plan.base.units_per_second());
-        self.quantum as f64 / units.unwrap_or(1.0)
+    /// Runs `frames` frames of the first driver, and of the others those that are due by then. Commands take effect before
+    /// them. Real-time code, like [`Player::process`].
+    pub fn process(&mut self, frames: usize) {
+        let until = self.now + self.periods.first().map_or(0, |period| period * frames as u128);
+        while self.now < until {
+            if self.now == self.end {
+                self.begin_quantum();
+            }
+            self.now = until.min(self.end);
+            for driver in 0..self.players.len() {
+                let due = self.due(driver);
+                if due > 0 {
+                    self.done[driver] += due;
+                    self.players[driver].process_in_quantum(due as usize, &mut |_, _| {});
+                }
+            }
+        }
     }
 
-    /// Frames of a driver that are due before the end of this quantum.
-    fn due(&self, driver: usize) -> usize {
-        let player = &self.players[driver];
-        let plan = &player.run().plan;
-        let period = u128::from(plan.base.period(plan.driver));
+    fn begin_quantum(&mut self) {
+        self.end = self.now + self.quantum();
+        self.players.iter_mut().for_each(Player::begin);
+    }
+
+    /// Length of a quantum of the present plans, in units.
+    fn quantum(&self) -> u128 {
+        if let [alone] = &self.players[..] {
+            return self.periods[0] * alone.block() as u128;
+        }
+        let readers = self.runs().flat_map(|run| run.state.ring_ends.readers.iter().flatten());
+        let quantum_s = readers
+            .map(AsyncResamplerReader::reserve_s)
+            .fold(QUANTUM_S, |quantum_s, reserve_s| quantum_s.min(PART_OF_RESERVE * reserve_s));
+        ((quantum_s * self.units_per_second) as u128).max(1)
+    }
+
+    /// Length of a quantum, s.
+    pub fn quantum_s(&self) -> f64 {
+        self.quantum() as f64 / self.units_per_second
+    }
+
+    /// Frames of a driver that are due by now.
+    fn due(&self, driver: usize) -> u64 {
         let speed = BILLION.saturating_add_signed(self.drifts[driver].into());
-        let frames = (self.quanta * self.quantum * speed).div_ceil(period * BILLION);
-        let frames = u64::try_from(frames).unwrap_or(u64::MAX).min(player.end().unwrap_or(u64::MAX));
-        frames.saturating_sub(player.run().driver_frames()) as usize
+        let frames = (self.now * speed).div_ceil(self.periods[driver] * BILLION);
+        u64::try_from(frames).unwrap_or(u64::MAX).saturating_sub(self.done[driver])
     }
 
     /// True if all drivers have ended.
     pub fn is_over(&self) -> bool {
         self.players.iter().all(|player| player.end().is_some_and(|end| player.run().driver_frames() >= end))
+    }
+
+    /// Frames that the first driver has run.
+    pub fn frames(&self) -> u64 {
+        self.players.first().map_or(0, Player::frames)
+    }
+
+    /// Length of the longest block in frames of the first driver.
+    pub fn block(&self) -> usize {
+        self.players.first().map_or(1, Player::block)
+    }
+
+    /// True if every run has ended and every actuator is at zero.
+    pub fn is_idle(&self) -> bool {
+        self.players.iter().all(Player::is_idle)
+    }
+
+    /// True if a player has ended while others run; they must then be stopped.
+    pub fn is_partly_idle(&self) -> bool {
+        !self.is_idle() && self.players.iter().any(Player::is_idle)
     }
 
     /// True if a node panicked.
@@ -167,7 +226,7 @@ impl VirtualClock {
     }
 
     /// Ends the clock.
-    pub(super) fn into_players(self) -> Vec<Player> {
+    pub fn into_players(self) -> Vec<Player> {
         self.players
     }
 

@@ -16,8 +16,9 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 const BUDGETS: [(&str, usize, usize); 11] = [
     // 96 for files that a page writes, and its clock.
     ("signal", 5_910, 4_800),
-    // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends.
-    ("engine", 19_675, 15_500),
+    // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends;
+    // 67 for the players of several drivers on one clock of their caller.
+    ("engine", 19_742, 15_500),
     // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks.
     ("surfaces", 7_550, 6_000),
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
@@ -31,8 +32,8 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // Studies with people, new in this house: document, orders, sessions, data, statistics, figures.
     ("study", 5_565, 3_600),
     // 225 for studies that run in a page, 145 for controls of all inputs, 65 for the views of a graph, 110 for recordings beside
-    // surfaces, to listen to.
-    ("studio", 6_130, 3_300),
+    // surfaces, to listen to, 53 for several drivers, each with its own time, and the number of a graph.
+    ("studio", 6_180, 3_300),
     // 1,320 for `study`, `thesis` and `surface headroom`.
     ("src", 10_610, 6_300),
     ("bindings", 3_450, 3_100),
@@ -42,7 +43,8 @@ const BUDGETS: [(&str, usize, usize); 11] = [
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 11] = [
     ("signal", 381),
-    ("engine", 734),
+    // 9 for several drivers on one clock of their caller.
+    ("engine", 743),
     ("surfaces", 387),
     ("learning", 379),
     ("nodes", 412),

@@ -141,7 +141,7 @@ impl Studio {
     /// Runs a graph and serves its page on the loopback address and optionally on a network address.
     ///
     /// # Errors
-    /// [`StudioError`] if the graph has errors or several drivers, or if the port is taken.
+    /// [`StudioError`] if the graph has errors, or if the port is taken.
     pub fn open(options: &Options, registry: &Registry) -> Result<Self, StudioError> {
         Self::serve(set_up(options, registry)?, options, None)
     }

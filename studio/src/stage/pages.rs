@@ -1,6 +1,5 @@
 //! Pages that come, go and own the stage.
 
-use super::super::page_clock::PageClock;
 use super::super::pages::{Line, Page, Reach};
 use super::super::wire::{MAX_SCOPES, ScopeRequest, text};
 use super::Stage;
@@ -19,7 +18,7 @@ impl Stage {
             sees_levels: false,
             lost: 0,
             is_gone: false,
-            clock: PageClock::default(),
+            clocks: Vec::new(),
         });
         if reach == Reach::Participant {
             if self.study_drives() && self.pages.owner.is_some() {

@@ -53,10 +53,9 @@ impl Stage {
         while let Some(replay) = &mut self.cycle.replay {
             match replay.next(frame) {
                 ReplayStep::Move(made) => {
-                    let (due_s, pointer) = made.pointer();
-                    if let Some(pad) = self.signals.pad_mut(made.pad) {
-                        pad.move_to(due_s, &pointer);
-                    }
+                    // A replay runs on one clock.
+                    let made = *made;
+                    self.apply(&made, 0.0);
                 }
                 ReplayStep::Setting((_, name, value)) => {
                     if let Some(session) = &mut self.session {

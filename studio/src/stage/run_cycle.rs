@@ -12,7 +12,6 @@ use super::super::run_page::{self, PageSignals};
 use super::super::scope::{self, Port, Scope};
 use super::super::talk;
 use super::Stage;
-use haptograph_engine::host::HostError;
 use haptograph_engine::run::{Player, SessionOptions};
 use haptograph_live::Connections;
 use serde_json::json;
@@ -78,14 +77,7 @@ impl Stage {
             connections.connect(&mut self.loaded.graph).map_err(other)?;
         }
         let graph = &self.loaded.graph;
-        let (player, mut session) = Player::open(graph, &options).map_err(|error| match error {
-            HostError::Drivers { count, drivers } => other(format_args!(
-                "the studio runs graphs with one driver clock, and this one has {count}: `{}`; make the others `Derived` \
-                 clocks of one of them, or run the graph without a page",
-                drivers.join("`, `")
-            )),
-            error => other(error),
-        })?;
+        let (players, mut session) = Player::open_all(graph, &options).map_err(other)?;
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.signals.pads = pads.collect::<Result<_, _>>().map_err(other)?;
         let inputs = self.loaded.inputs.iter().map(|input| Pad::of(graph, &input.pad));
@@ -94,11 +86,13 @@ impl Stage {
         let scopes = ports.into_iter().map(scope);
         self.signals.scopes = scopes.collect::<Result<_, _>>().map_err(other)?;
         self.signals.costs = Costs::default();
+        self.signals.count_graph();
         let rate_of = |driver: &usize| graph.clocks()[*driver].rate.hz();
         self.signals.rate_hz = graph.drivers().first().map_or(1.0, rate_of);
         // Where no device is real, commands, pointers and a recording have an exact frame each.
         let has_drivers = is_live && (has_real(graph) || !connections.status().is_empty());
-        let mut clock = Clock::start((graph, connections), player, &options, has_drivers).map_err(other)?;
+        let mut clock =
+            Clock::start((graph, connections), (players, &session), &options, has_drivers).map_err(other)?;
         if is_live {
             clock.drivers.keep(graph);
         }
@@ -150,7 +144,7 @@ impl Stage {
 
     /// Lets the outputs fall to zero and stops, within this time or in the course of [`Stage::end_what_is_over`]; if the
     /// caller drives, within its next frames.
-    fn stop_within(&mut self, longest: Duration) {
+    pub(crate) fn stop_within(&mut self, longest: Duration) {
         self.disarm();
         let Some(session) = &self.session else {
             return;
@@ -179,7 +173,7 @@ impl Stage {
                     }
                     self.run(part as usize);
                     if number % sent_every == 0 {
-                        self.look_at_scopes(self.now_s());
+                        self.look_at_scopes();
                         send_samples(self);
                     }
                 }
@@ -193,15 +187,14 @@ impl Stage {
         if self.recorder.recording.as_ref().is_some_and(|recording| recording.frames == 0) {
             self.close_recording();
         }
-        let now_s = self.now_s();
         let (Some(session), Some(clock)) = (self.session.take(), self.clock.take()) else {
             return;
         };
         self.disarm();
-        let ended = clock.join().map(|player| session.finish(player));
+        let ended = clock.join().map(|players| session.finish_all(players));
         self.devices.forget();
         // The last frames: what begins next has scopes of its own.
-        self.look_at_scopes(now_s);
+        self.look_at_scopes();
         send_samples(self);
         let kept = std::mem::take(&mut self.recorder.signals);
         if let (Some(folder), Some(ended), Some(kept)) = (&self.recorder.folder, &ended, kept) {

@@ -50,6 +50,7 @@ impl Stage {
             }
         }
         self.signals.inputs = self.inputs_of(&mut next)?;
+        self.signals.count_graph();
         (self.loaded, self.source) = (next, source);
         // The new pads have the same channels.
         for (pad, spec) in self.signals.pads.iter_mut().zip(&self.loaded.pads) {
@@ -76,8 +77,8 @@ impl Stage {
         };
         let inputs = next.inputs.iter().map(input).collect();
         // What is not read any more is given back: a page that cannot release it would silence it.
-        let now_s = self.now_s();
         for (pad, pointer) in before.iter_mut().filter_map(|pad| pad.held().map(|pointer| (pad, pointer))) {
+            let now_s = self.time_s_of(pad.driver.as_deref()).unwrap_or_default();
             pad.move_to(now_s, &Pointer { force_n: 0.0, ..pointer });
         }
         inputs

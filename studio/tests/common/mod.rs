@@ -63,6 +63,8 @@ pub struct Page {
     pub graph: Value,
     /// The texts that it was waiting for something in.
     pub heard: Vec<String>,
+    /// Number of the graph that its pointers are made for; 0 for any.
+    pub made_for: u16,
     begun: Instant,
     requests: u64,
 }
@@ -92,7 +94,8 @@ impl Page {
             stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         }
         let (hello, graph) = (Value::Null, Value::Null);
-        let mut page = Self { socket, hello, graph, heard: Vec::new(), begun: Instant::now(), requests: 0 };
+        let (heard, begun) = (Vec::new(), Instant::now());
+        let mut page = Self { socket, hello, graph, heard, made_for: 0, begun, requests: 0 };
         page.hello = page.wait(|said| said["type"] == "hello");
         page
     }
@@ -126,7 +129,8 @@ impl Page {
     }
 
     pub fn point(&mut self, x_mm: f32, y_mm: f32, force_n: f32) {
-        let mut bytes = vec![1, 0, 1, 0, 0, 0, 0, 0];
+        let mut bytes = vec![1, 0, 1, 0, 0, 0];
+        bytes.extend(self.made_for.to_le_bytes());
         bytes.extend((self.begun.elapsed().as_secs_f64() * 1e3).to_le_bytes());
         for value in [x_mm, y_mm, force_n, 0.0, 0.0] {
             bytes.extend(value.to_le_bytes());
