@@ -107,7 +107,8 @@ function markOf({ x, y }) {
     return { element, title, show };
 }
 
-function draw(tag, attributes, ...children) {
+// An element of a drawing.
+export function draw(tag, attributes, ...children) {
     const element = document.createElementNS(SVG, tag);
     for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
     element.append(...children);
