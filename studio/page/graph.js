@@ -81,7 +81,7 @@ function build(studio, shadow, view, drawing, showNode) {
         for (const [name, value] of [
             ["tabindex", "0"],
             ["role", "button"],
-            ["aria-label", `node ${path}`],
+            ["aria-label", labelOf(node, path)],
         ])
             node.setAttribute(name, value);
         node.addEventListener(
@@ -109,6 +109,13 @@ function build(studio, shadow, view, drawing, showNode) {
         else showNode(null);
     };
     place(view);
+}
+
+// What a node is called, with what is written on it.
+function labelOf(node, path) {
+    const [, kind, ...ports] = [...node.querySelectorAll("text")].map(({ textContent }) => textContent);
+    const name = path.split("/").at(-1);
+    return kind ? `node ${path}: ${[name, kind, ...ports].join(" ")}` : `node ${path}`;
 }
 
 // In a blind comparison the drawing names no surface.

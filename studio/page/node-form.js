@@ -26,9 +26,15 @@ export function mountForm(studio, boxes) {
             const kept = had ? shown.box.querySelector(`[data-key="${CSS.escape(had)}"]`) : isNew && shown.box.querySelector("[data-key]");
             (kept || shown.box).focus({ preventScroll: !isNew });
         }
-        shown.box.addEventListener("focusout", () => waits && setTimeout(follow));
+        shown.box.addEventListener("focusout", () => waits && follow());
     };
+    // Once the focus is where a key has led it.
+    let timer = 0;
     const follow = () => {
+        clearTimeout(timer);
+        timer = setTimeout(followNow);
+    };
+    const followNow = () => {
         if (!shown?.box?.isConnected) return (shown = null);
         const isTyped = shown.box.contains(document.activeElement) && document.activeElement.dataset.isTyped;
         waits = isPressed || Boolean(isTyped);
@@ -36,7 +42,7 @@ export function mountForm(studio, boxes) {
     };
     window.addEventListener("pointerdown", ({ target }) => (isPressed = Boolean(shown?.box?.contains(target))), true);
     for (const type of ["pointerup", "pointercancel"])
-        window.addEventListener(type, () => ((isPressed = false), waits && setTimeout(follow)), true);
+        window.addEventListener(type, () => ((isPressed = false), waits && follow()), true);
     studio.on("text", follow);
     studio.on("graph", follow);
     return (path, device, at) => {
