@@ -19,7 +19,7 @@ const MARGIN_PX = [28, 64]; // of the drawing around its nodes
 // The drawing has a style sheet of its own; in a shadow tree it does not reach the page.
 const STYLE = `
 :host{display:block;position:absolute;inset:0}
-svg{position:absolute;left:0;top:0;transform-origin:0 0;max-width:none!important;overflow:visible}
+svg{position:absolute;left:0;top:0;transform-origin:0 0;max-width:none!important;overflow:visible;user-select:none}
 rect.paper{fill:transparent}
 [data-node]{cursor:pointer}[data-node]:hover .box,[data-node]:focus-visible .box,[data-node].chosen .box{stroke-width:3}
 [data-node]:focus{outline:none}

@@ -13,6 +13,7 @@
 
 mod alias;
 mod clock;
+mod guess;
 mod hints;
 mod join;
 mod table;
@@ -24,6 +25,7 @@ pub(super) use table::{
 };
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use table::{is_wanted, words_without_units};
+pub use guess::{LikelyColumn, units_of};
 pub use units::QUANTITIES;
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use units::is_unit;
@@ -73,6 +75,8 @@ pub struct CsvHead {
     pub says_gesture: bool,
     /// The origin from a line `# origin: ...`.
     pub origin: Option<Origin>,
+    /// The columns, and what they probably hold.
+    pub columns: Vec<LikelyColumn>,
 }
 
 /// The head of a file from its first bytes; `None` if they are not CSV.
@@ -81,11 +85,12 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
     if is_binary || bytes.trim_ascii_start().starts_with(b"<") {
         return None;
     }
-    let is_ours = |name: &str| parse_name(&name.to_lowercase()).is_some();
+    let is_ours = |name: &str| parse_name(&name.to_lowercase()).is_some() || alias::is_like_ours(name);
     let (_, head) = Rows::new(bytes, &is_ours).ok()?;
     Some(CsvHead {
         says_gesture: head.notes.contains_key("gesture"),
         origin: head.notes.get("origin").and_then(|text| text.parse().ok()),
+        columns: guess::guessed(&head.names),
     })
 }
 
