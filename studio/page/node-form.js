@@ -55,7 +55,7 @@ export function mountForm(studio, boxes) {
 
 function contentOf(form, close) {
     const { studio, path, device, text } = form;
-    const found = device ? changes.deviceAt(text, path, device) : changes.nodeAt(text, path);
+    const found = device ? changes.deviceAt(text, path, device, studio.graph.endpoints) : changes.nodeAt(text, path);
     const use = found.use?.value;
     const kinds = studio.hello.kinds;
     const kind = device ? kinds.find(({ name }) => name === device) : kindOf(studio, use);
@@ -95,7 +95,7 @@ function settingsOf(form, use) {
 
 // The structure of the node in a text, or the one at a path of keys in it; null where it is not written.
 function structureIn(form, text, keys) {
-    const found = form.isDevice ? changes.deviceAt(text, form.path, form.device) : changes.nodeAt(text, form.node);
+    const found = form.isDevice ? changes.deviceAt(text, form.path, form.device, form.studio.graph.endpoints) : changes.nodeAt(text, form.node);
     return keys.reduce((value, key) => changes.itemOf(value, key)?.value ?? null, found.use?.value ?? null);
 }
 

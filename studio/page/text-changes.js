@@ -29,10 +29,11 @@ export function nodeAt(text, path) {
 // A template of the text itself; null if it is in another file.
 export const templateAt = (text, name) => itemOf(valueOf(treeOf(text), "templates"), name);
 
-// Where a device of a kind stands among the endpoints.
-export function deviceAt(text, name, kind) {
+// Where a device stands in a set of endpoints, or of that kind in another.
+export function deviceAt(text, name, kind, set) {
     const sets = valueOf(treeOf(text), "endpoints")?.items ?? [];
-    const items = sets.map(({ value }) => itemOf(value, name)).filter(Boolean);
+    const ordered = [...sets.filter(({ key }) => key === set), ...sets.filter(({ key }) => key !== set)];
+    const items = ordered.map(({ value }) => itemOf(value, name)).filter(Boolean);
     const item = items.find(({ value }) => nameOf(value) === kind) ?? null;
     return { item, value: item?.value ?? null, template: null, use: item };
 }

@@ -174,7 +174,7 @@ fn shown(stage: &Stage) -> Value {
         "inputs": stage.loaded.inputs.iter().map(input).collect::<Vec<_>>(),
         "others": stage.loaded.others,
         "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
-        "template_outputs": outputs.collect::<Vec<_>>(),
+        "template_outputs": outputs.collect::<Vec<_>>(), "endpoints": stage.source.endpoints,
         "levels": levels::described(&ports),
         "settings": settings(stage),
         "parameters": parameters(stage),

@@ -1,7 +1,9 @@
 //! Learning of a surface from a recording that is dropped on the page.
 
 use haptograph_learning::learn::{LearnSettings, LearningReport, learn};
-use haptograph_learning::recording::{AnyRecording, Finding, ImportSettings, QUANTITIES, csv_head, load_with, units_of};
+use haptograph_learning::recording::{
+    AnyRecording, Finding, ImportSettings, QUANTITIES, csv_head, load_with, units_of,
+};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_surfaces::Surface;
 use haptograph_surfaces::files::native;

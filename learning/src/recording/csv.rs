@@ -20,12 +20,12 @@ mod table;
 mod units;
 mod write;
 
+pub use guess::{LikelyColumn, units_of};
 pub(super) use table::{
     Cells, ColumnSelection, Fault, SignalColumns, Table, Taken, check_mapping, missing_columns, number,
 };
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use table::{is_wanted, words_without_units};
-pub use guess::{LikelyColumn, units_of};
 pub use units::QUANTITIES;
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use units::is_unit;

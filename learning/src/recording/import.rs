@@ -157,12 +157,16 @@ impl Finding {
         match self {
             Self::NotUsed { .. } => "nothing is learned from them",
             Self::OtherUnit { .. } => "levels are wrong if the file is right",
-            Self::Jitter { .. } => "samples between rows are computed, so the highest frequencies become weaker",
+            Self::Jitter { .. } => {
+                "samples between rows are computed, so the highest frequencies become weaker"
+            }
             Self::CoarseTimes { .. } => "missing rows cannot be seen",
             Self::StrangeRate { .. } => "with a wrong unit of time all frequencies and rates are wrong",
             Self::Interpolated { .. } => "straight lines in their place are learned as if they had been felt",
             Self::Outliers { .. } => "single samples are not learned; a surface with real clicks loses these",
-            Self::Clipped { .. } => "the strongest vibration is learned too weak; record again with a larger range",
+            Self::Clipped { .. } => {
+                "the strongest vibration is learned too weak; record again with a larger range"
+            }
             Self::Cut { .. } => "only what all files hold is learned",
             Self::Implausible { .. } => "the surface is too strong or too weak if the unit is wrong",
             Self::UnknownUnit => "the surface can be compared with no other",

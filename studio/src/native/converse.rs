@@ -280,7 +280,9 @@ fn learn(connection: &Connection, request: u64, dropped: Dropped) -> Option<Valu
     tokio::spawn(async move {
         let (stage, page) = (Arc::clone(&connection.stage), connection.page);
         let work = move || match dropped.reads {
-            true => turn.reading(&dropped).map(|read| ("read", read, String::new())).map_err(StageError::Other),
+            true => {
+                turn.reading(&dropped).map(|read| ("read", read, String::new())).map_err(StageError::Other)
+            }
             false => learned(&stage, page, (turn, learner), &dropped)
                 .map(|(path, report)| ("report", report.into(), path)),
         };

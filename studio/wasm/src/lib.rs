@@ -212,7 +212,8 @@ pub extern "C" fn haptograph_read(path_length: usize) -> u32 {
     with(|state| {
         let (path, mapping) = state.room.split_at(path_length.min(state.room.len()));
         let mapping = serde_json::from_slice::<Mapping>(mapping).map_err(|error| error.to_string());
-        let read = mapping.map(|mapping| read_recording(Path::new(&*String::from_utf8_lossy(path)), &mapping));
+        let read =
+            mapping.map(|mapping| read_recording(Path::new(&*String::from_utf8_lossy(path)), &mapping));
         let (message, is_read) = read.map_or_else(|why| (why, 0), |read| (read.to_string(), 1));
         state.message = message.into_bytes();
         is_read

@@ -69,17 +69,22 @@ mod tests {
             guessed(&names).into_iter().map(|column| column.quantity).collect()
         };
         let all = |quantities: &[&str]| quantities.iter().map(|q| Some((*q).to_owned())).collect::<Vec<_>>();
-        let (plain, named) = (["clock", "pressing", "v_tip", "vib"], ["time", "force_normal", "speed", "accel"]);
+        let (plain, named) =
+            (["clock", "pressing", "v_tip", "vib"], ["time", "force_normal", "speed", "accel"]);
         assert_eq!(of(&plain), all(&named));
         assert_eq!(of(&["Zeit", "Kraft [N]", "Geschw (mm/s)", "Beschl [g]"]), all(&named));
         assert_eq!(of(&["vib", "vib 2", "note"]), [Some("accel".to_owned()), None, None]);
-        assert_eq!(of(&["time_s", "friction", "load", "v"]), all(&["time", "force_tangential", "force_normal", "speed"]));
+        assert_eq!(
+            of(&["time_s", "friction", "load", "v"]),
+            all(&["time", "force_tangential", "force_normal", "speed"])
+        );
         assert_eq!(of(&["accel_x_g", "accel_y_g", "accel_z_g"]), all(&["accel_x", "accel_y", "accel_z"]));
     }
 
     #[test]
     fn units_begin_with_the_usual_one() {
-        let usual = ["time", "accel", "force_normal", "speed", "position_x", "torque_x"].map(|name| units_of(name)[0]);
+        let usual = ["time", "accel", "force_normal", "speed", "position_x", "torque_x"]
+            .map(|name| units_of(name)[0]);
         assert_eq!(usual, ["s", "m_s2", "n", "mm_s", "mm", "n_mm"]);
         assert!(units_of("accel").contains(&"g") && units_of("accel").ends_with(&["1"]));
         assert!(units_of("orientation_w").is_empty());

@@ -52,9 +52,8 @@ pub(super) fn likely(quantity: &str, unread: &[(&str, &str)]) -> Option<usize> {
         let lower = name.to_lowercase();
         beginnings.is_some_and(|(_, all)| all.iter().any(|beginning| lower.starts_with(beginning)))
     };
-    let begins = |name: &str| {
-        starts(name, quantity) || (starts(name, first) && !starts(name, "force_tangential"))
-    };
+    let begins =
+        |name: &str| starts(name, quantity) || (starts(name, first) && !starts(name, "force_tangential"));
     let of = dimension(quantity).filter(|of| *of != Quantity::NUMBER);
     let score = |(name, below): &(&str, &str)| {
         2 * u8::from(of.is_some_and(|of| is_of(name, below, of))) + u8::from(begins(name))
