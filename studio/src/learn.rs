@@ -85,9 +85,8 @@ impl Learned {
 /// why it cannot be read.
 pub(crate) fn reading(table: &Path, mapping: &Mapping) -> Value {
     let head = files::read(table, MAX_RECORDING_BYTES).ok().and_then(|bytes| csv_head(&bytes));
-    let columns = head.map(|head| head.columns).unwrap_or_default().into_iter().map(
-        |column| json!({ "name": column.name, "quantity": column.quantity, "has_unit": column.has_unit }),
-    );
+    let columns = head.map(|head| head.columns).unwrap_or_default().into_iter();
+    let columns = columns.map(|column| json!({ "name": column.name, "quantity": column.quantity }));
     let quantities = QUANTITIES.iter().map(|name| json!({ "name": name, "units": units_of(name) }));
     let read = loaded(table, mapping);
     let (findings, error) = match read {

@@ -3,7 +3,7 @@
 use super::COLUMNS;
 use super::alias::like_ours;
 use super::hints::likely;
-use super::units::{QUANTITIES, dimension, plain_name, unit_in_file};
+use super::units::{QUANTITIES, dimension, plain_name};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units;
 
@@ -17,8 +17,6 @@ pub struct LikelyColumn {
     pub name: String,
     /// One of [`QUANTITIES`](super::QUANTITIES), if any is likely; each is so of one column.
     pub quantity: Option<String>,
-    /// True if the column itself names its unit.
-    pub has_unit: bool,
 }
 
 /// What the columns of a header probably hold, by their names.
@@ -40,11 +38,7 @@ pub(super) fn guessed(names: &[String]) -> Vec<LikelyColumn> {
             found[free[at]] = Some(quantity.to_owned());
         }
     }
-    let column = |(name, quantity): (&String, Option<String>)| LikelyColumn {
-        has_unit: quantity.as_ref().is_some_and(|plain| unit_in_file(name, "", plain, true).is_ok()),
-        name: name.clone(),
-        quantity,
-    };
+    let column = |(name, quantity): (&String, Option<String>)| LikelyColumn { name: name.clone(), quantity };
     names.iter().zip(found).map(column).collect()
 }
 
