@@ -58,7 +58,7 @@ function contentOf(form, close) {
     const found = device ? changes.deviceAt(text, path, device, studio.graph.endpoints) : changes.nodeAt(text, path);
     const use = found.use?.value;
     const kinds = studio.hello.kinds;
-    const kind = device ? kinds.find(({ name }) => name === device) : kindOf(studio, use);
+    const kind = device ? kinds.find(({ name }) => name === changes.nameOf(use)) : kindOf(studio, use);
     const header = make(
         "header",
         {},
@@ -70,7 +70,9 @@ function contentOf(form, close) {
     );
     if (!use) return [header, make("p", { text: `The text of this graph has no \`${path}\` as it stands in the editor.` })];
     Object.assign(form, { node: path.split("/")[0], kind, isDevice: Boolean(device), path: found.template ? null : path });
-    return [header, found.template && insideNote(form, found, path), ...settingsOf(form, use), ...(device ? [] : wiresOf(form))].filter(Boolean);
+    const isMoved = device && kind?.name !== device;
+    const note = isMoved && make("p", { class: "soft", text: "A pad of this page takes its place here: what it does by itself acts where none does." });
+    return [header, note, found.template && insideNote(form, found, path), ...settingsOf(form, use), ...(device ? [] : wiresOf(form))].filter(Boolean);
 }
 
 // Of a node inside the use of a template.

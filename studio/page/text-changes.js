@@ -29,12 +29,12 @@ export function nodeAt(text, path) {
 // A template of the text itself; null if it is in another file.
 export const templateAt = (text, name) => itemOf(valueOf(treeOf(text), "templates"), name);
 
-// Where a device stands in a set of endpoints, or of that kind in another.
+// Where a device stands: of that kind, else in the set of endpoints that runs, where a pad may take its place.
 export function deviceAt(text, name, kind, set) {
     const sets = valueOf(treeOf(text), "endpoints")?.items ?? [];
     const ordered = [...sets.filter(({ key }) => key === set), ...sets.filter(({ key }) => key !== set)];
     const items = ordered.map(({ value }) => itemOf(value, name)).filter(Boolean);
-    const item = items.find(({ value }) => nameOf(value) === kind) ?? null;
+    const item = items.find(({ value }) => nameOf(value) === kind) ?? items[0] ?? null;
     return { item, value: item?.value ?? null, template: null, use: item };
 }
 

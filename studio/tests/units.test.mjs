@@ -233,6 +233,9 @@ test("a change of the text is the smallest, and leaves comments and alignment as
     assert.deepEqual([edit.parameterIn(edit.itemOf(at("p"), "gain").value), edit.contentOf(edit.parameterAt(MISLEADING, "g").value)], ["g", "1.5"]);
     const inner = edit.nodeAt(MISLEADING, "t/inner");
     assert.deepEqual([inner.template, edit.sortOf(edit.itemOf(inner.value, "gain").value), inner.use.key], ["Twice", "computed", "t"]);
+    const devices = 'Graph(endpoints: { "live": { "pen": Udp() }, "simulated": { "pen": Hand(force_n: 1) } })';
+    for (const [kind, set, found] of [["Hand", "live", "Hand"], ["Host", "simulated", "Hand"], ["Host", "live", "Udp"]])
+        assert.equal(edit.nameOf(edit.deviceAt(devices, "pen", kind, set).value), found);
     for (const broken of ["", "Graph(", 'Graph(nodes: {"a": ', ")", "Graph(nodes: { : , ( )", '"', "/*"]) edit.nodeAt(broken, "a");
 });
 
