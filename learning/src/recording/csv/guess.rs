@@ -8,7 +8,7 @@ use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units;
 
 /// The quantities that are looked for in columns of any name, the surest first.
-const SOUGHT: [&str; 5] = ["time", "force_normal", "speed", "accel", "force_tangential"];
+const SOUGHT: [&str; 5] = ["time", "accel", "force_normal", "speed", "force_tangential"];
 
 /// A column of a table, and what it probably holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
