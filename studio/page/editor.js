@@ -26,7 +26,57 @@ export function mountEditor(studio) {
     });
     followDisk(studio, state, act);
     studio.editor = state.view;
+    studio.edits = editsOf(studio, state);
     return act;
+}
+
+// What a hand does to the text outside of the editor; one thing after the other.
+function editsOf(studio, state) {
+    let turn = Promise.resolve();
+    const inTurn = (run) => (turn = turn.then(run, run));
+    return {
+        text: () => textOf(state),
+        isPending: () => textOf(state) !== state.engine,
+        may: () => mayEdit(studio),
+        change: (changesOf) => inTurn(() => change(studio, state, changesOf)),
+        undo: (key) => inTurn(() => stepBack(studio, state, key)),
+        apply: () => inTurn(() => apply(studio, state)),
+        jump: (from, to) => {
+            studio.showTab("editor");
+            state.view.dispatch({ selection: { anchor: from, head: to }, scrollIntoView: true });
+            state.view.focus();
+        },
+    };
+}
+
+const mayEdit = (studio) => studio.connection.open && studio.hello?.can.edit !== false && (studio.status?.owner ?? true);
+
+// One step of the history of the editor, which is not typing and so joins no other.
+const BY_HAND = "hand";
+
+// Makes the changes that `changesOf` gives for the text, as one step of its history, and applies the text; beside changes that were not
+// applied before, it is checked only. What is refused is undone. The reply has `isPending`, and `isKept` if the change stays.
+async function change(studio, state, changesOf) {
+    const before = textOf(state);
+    const isPending = before !== state.engine;
+    state.view.dispatch({ changes: changesOf(before), userEvent: BY_HAND });
+    const text = textOf(state);
+    if (text === before) return { ok: true, isPending, isKept: true };
+    const checked = (asked) => studio.connection.request({ type: "check", text: asked });
+    const reply = await (isPending ? checked(text) : apply(studio, state));
+    // Errors that the text had before are not those of this change.
+    const isKept = reply.ok || (isPending && studio.connection.open && !(await checked(before)).ok) || textOf(state) !== text;
+    if (!isKept) run(state, "Mod-z");
+    return { ...reply, isPending, isKept };
+}
+
+const run = (state, key) => cm.historyKeymap.find((each) => each.key === key).run(state.view);
+
+// Undoes (`Mod-z`) or redoes (`Mod-y`) the latest change, and applies the text if what is undone was applied.
+async function stepBack(studio, state, key) {
+    const isPending = textOf(state) !== state.engine;
+    if (!run(state, key) || isPending) return { ok: true };
+    return apply(studio, state);
 }
 
 // Where another program changed the file, its text is applied; if the text here is changed too, a person decides.
@@ -101,6 +151,7 @@ function extensionsOf(studio, state, act) {
             if (!update.docChanged) return;
             state.note = null;
             show(studio, state);
+            studio.emit("text");
             clearTimeout(state.timer);
             state.timer = setTimeout(() => check(studio, state), CHECK_AFTER_MS);
         }),
@@ -132,6 +183,7 @@ async function apply(studio, state) {
         ? `Applied: ${reply.change ?? "no change"}${ms}`
         : `Not applied, the sound goes on as before: ${reply.error}`;
     show(studio, state);
+    return reply;
 }
 
 async function save(studio, state) {
@@ -147,7 +199,7 @@ async function save(studio, state) {
 function show(studio, state) {
     const text = textOf(state);
     const applied = text === state.engine;
-    const can = studio.connection.open && studio.hello?.can.edit !== false && (studio.status?.owner ?? true);
+    const can = mayEdit(studio);
     find("editor-apply").disabled = applied || !can;
     find("editor-save").disabled = !studio.hello?.can.save || (applied && state.saved) || !can;
     find("editor-revert").disabled = applied;

@@ -41,7 +41,7 @@ export class EngineLink {
     }
 
     // In a worker of its own, so that neither the page nor the sound waits.
-    async #learn({ request, name, csv, mapping = {} }) {
+    async #learn({ request, name, csv, mapping = {}, reads = false }) {
         const reply = (more) => {
             const whole = { type: "reply", request, ok: false, error: null, diagnostics: [], change: null, ...more };
             this.onmessage({ data: JSON.stringify(whole) });
@@ -49,7 +49,8 @@ export class EngineLink {
         if (this.#learning) return reply({ error: "another recording is being learned; retry when it is done" });
         this.#learning = { request, end: () => {} };
         try {
-            const learned = await learnBeside(this.#wasm, { name, csv, mapping }, (end) => (this.#learning.end = end));
+            const learned = await learnBeside(this.#wasm, { name, csv, mapping, reads }, (end) => (this.#learning.end = end));
+            if (reads) return reply({ ok: true, read: learned });
             const surface = { name: encoder.encode(learned.name), text: encoder.encode(learned.surface) };
             const path = (await this.#checker).addSurface(surface);
             if (!path) throw new Error("a thousand surfaces with this name exist; reload the page");
@@ -120,7 +121,7 @@ export class EngineLink {
 }
 
 // `begun` gets the function that ends it with a reason.
-function learnBeside(wasm, { name, csv, mapping }, begun) {
+function learnBeside(wasm, { name, csv, mapping, reads }, begun) {
     return new Promise((done, failed) => {
         const worker = new Worker(new URL("learn-worker.js", import.meta.url), { type: "module" });
         worker.onmessage = ({ data: { learned, error } }) => (learned ? done(learned) : failed(new Error(error)));
@@ -133,6 +134,6 @@ function learnBeside(wasm, { name, csv, mapping }, begun) {
         setTimeout(end, LEARNS_AT_MOST_MS, `took more than ${LEARNS_AT_MOST_MS / 60_000} minutes`);
         const bytes = encoder.encode(csv);
         const recording = { path: encoder.encode(name), bytes, mapping: encoder.encode(JSON.stringify(mapping)) };
-        worker.postMessage({ wasm, recording }, [bytes.buffer]);
+        worker.postMessage({ wasm, recording, reads }, [bytes.buffer]);
     });
 }

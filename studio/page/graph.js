@@ -1,20 +1,25 @@
 // The drawn graph: movement and zoom, selection of nodes, wires to scopes; live-drawing.js shows levels, costs and
 // faults.
+import { mountBoxes } from "./by-hand.js";
 import { find, make, setText } from "./dom.js";
 import { LIVE_STYLE, mountLiveDrawing } from "./live-drawing.js";
+import { mountForm } from "./node-form.js";
 import { mountNode } from "./node.js";
 import { bare } from "./surfaces.js";
 import { cleaned } from "./svg.js";
+import { mountWires, WIRE_STYLE } from "./wires.js";
 
 const LEAST_SCALE = 0.05;
 const MOST_SCALE = 4;
 const READABLE_SCALE = 0.78;
 const CLICK_PX = 5;
+const TWICE_MS = 400; // between the clicks of a double one
+const TWICE_PX = 14;
 const MARGIN_PX = [28, 64]; // of the drawing around its nodes
 // The drawing has a style sheet of its own; in a shadow tree it does not reach the page.
 const STYLE = `
 :host{display:block;position:absolute;inset:0}
-svg{position:absolute;left:0;top:0;transform-origin:0 0;max-width:none!important;overflow:visible}
+svg{position:absolute;left:0;top:0;transform-origin:0 0;max-width:none!important;overflow:visible;user-select:none}
 rect.paper{fill:transparent}
 [data-node]{cursor:pointer}[data-node]:hover .box,[data-node]:focus-visible .box,[data-node].chosen .box{stroke-width:3}
 [data-node]:focus{outline:none}
@@ -22,7 +27,7 @@ rect.paper{fill:transparent}
 .dim{opacity:.2}
 .grab{fill:none;stroke:transparent;stroke-width:14;pointer-events:stroke;cursor:copy}
 .grab:hover{stroke:var(--accent);stroke-opacity:.28}
-${LIVE_STYLE}`;
+${LIVE_STYLE}${WIRE_STYLE}`;
 
 export function mountGraph(studio) {
     const host = find("graph");
@@ -32,6 +37,17 @@ export function mountGraph(studio) {
     const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], shown: null, fitted: false, names: null };
     const showNode = mountNode(studio, (node) => choose(view, node));
     studio.showNode = showNode;
+    const boxes = mountBoxes(studio);
+    const openForm = mountForm(studio, boxes);
+    view.wires = mountWires(studio, host, view, boxes);
+    // The form of a node, or of a device's body, beside it.
+    view.edit = studio.editNode = (path, kind = null) => {
+        showNode(null);
+        const isDevice = studio.hello.kinds.some(({ name, group }) => name === kind && group === "devices");
+        const drawn = [...(view.svg?.querySelectorAll("[data-node]") ?? [])].filter((node) => node.getAttribute("data-node") === path);
+        const box = (drawn.find((node) => !kind || node.getAttribute("data-kind") === kind) ?? host).querySelector(".box")?.getBoundingClientRect();
+        openForm(path, isDevice ? kind : null, box ? [box.right + 8, box.top] : [0, 0]);
+    };
     const show = () => {
         if (!studio.graph) return;
         const names = view.names ?? !isReadable(host, sizeOf(studio.graph.drawing));
@@ -65,26 +81,41 @@ function build(studio, shadow, view, drawing, showNode) {
         for (const [name, value] of [
             ["tabindex", "0"],
             ["role", "button"],
-            ["aria-label", `node ${path}`],
+            ["aria-label", labelOf(node, path)],
         ])
             node.setAttribute(name, value);
         node.addEventListener(
             "keydown",
-            (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), showNode(path)),
+            (event) => {
+                if (event.key === "Enter" || event.key === " ") showNode(path);
+                else if (event.key === "F2") view.edit(path, node.getAttribute("data-kind"));
+                else return;
+                event.preventDefault();
+            },
         );
     }
     // A wire is thin: a wide invisible line takes the clicks.
     for (const wire of svg.querySelectorAll('path[data-port]:not([data-port=""])')) wire.after(grabOf(wire));
+    view.wires.dress(svg);
     shadow.append(svg);
     view.svg = svg;
-    view.clicked = (target) => {
-        const node = target.closest?.("[data-node]")?.getAttribute("data-node");
+    view.clicked = (target, { timeStamp, clientX, clientY }) => {
+        const drawn = target.closest?.("[data-node]");
+        const node = drawn?.getAttribute("data-node");
+        view.once = node && { node, kind: drawn.getAttribute("data-kind"), timeStamp, clientX, clientY };
         const wire = target.closest?.("[data-wire]")?.getAttribute("data-wire");
         if (wire) studio.addScope(wire);
         else if (node) showNode(node);
         else showNode(null);
     };
     place(view);
+}
+
+// What a node is called, with what is written on it.
+function labelOf(node, path) {
+    const [, kind, ...ports] = [...node.querySelectorAll("text")].map(({ textContent }) => textContent);
+    const name = path.split("/").at(-1);
+    return kind ? `node ${path}: ${[name, kind, ...ports].join(" ")}` : `node ${path}`;
 }
 
 // In a blind comparison the drawing names no surface.
@@ -210,6 +241,7 @@ function followHand(host, view) {
     host.addEventListener("pointerdown", (event) => {
         if (event.target.closest?.("button")) return;
         [moved, target] = [0, event.composedPath()[0]];
+        if (down.size === 0 && view.wires.begin(event, target)) return;
         down.set(event.pointerId, local(event));
         host.setPointerCapture(event.pointerId);
     });
@@ -228,10 +260,32 @@ function followHand(host, view) {
         [view.x, view.y, view.fitted] = [view.x + now[0] - before[0], view.y + now[1] - before[1], true];
         place(view);
     });
-    host.addEventListener("pointerup", () => down.size === 1 && moved < CLICK_PX && view.clicked?.(target));
+    host.addEventListener("pointerup", (event) => down.size === 1 && moved < CLICK_PX && view.clicked?.(target, event));
     for (const type of ["pointerup", "pointercancel", "lostpointercapture"])
         host.addEventListener(type, (event) => down.delete(event.pointerId));
+    followDouble(host.parentElement, view);
     followWheelAndKeys(host, view, local);
+}
+
+// The second click on a node, which may lie under the card that the first has opened.
+function followDouble(tab, view) {
+    tab.addEventListener(
+        "pointerup",
+        (event) => {
+            const { once } = view;
+            view.once = null;
+            const isTwice = once && event.timeStamp - once.timeStamp < TWICE_MS && Math.hypot(event.clientX - once.clientX, event.clientY - once.clientY) < TWICE_PX;
+            if (!isTwice) return;
+            event.stopPropagation();
+            const swallow = (click) => click.stopPropagation();
+            tab.addEventListener("click", swallow, { capture: true, once: true });
+            setTimeout(() => {
+                tab.removeEventListener("click", swallow, true);
+                view.edit(once.node, once.kind);
+            });
+        },
+        true,
+    );
 }
 
 function followWheelAndKeys(host, view, local) {

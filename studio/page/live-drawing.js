@@ -10,7 +10,7 @@ const COSTS = "Bar and %: share of the graph's work.";
 const NO_COSTS = "The cost of single nodes is not measured in a page.";
 
 export const LIVE_STYLE = `
-.cost rect{fill:var(--ink1)}
+.cost{pointer-events:none}.cost rect{fill:var(--ink1)}
 .cost text,.mark text{font:600 10px system-ui,sans-serif;fill:var(--ink);paint-order:stroke;stroke:var(--box);stroke-width:3px}
 .mark circle{fill:var(--warn)}.mark.fault circle{fill:var(--bad)}
 .mark text{fill:var(--box);stroke:none}
@@ -76,7 +76,8 @@ function nodePart(node, levels) {
         shown = next;
         cost.show(percent);
         mark.show(now.mark);
-        node.append(...[percent ? cost.element : null, now.mark ? mark.element : null].filter(Boolean));
+        if (now.mark) node.append(mark.element);
+        if (percent) node.parentNode.append(cost.element); // no part of its name
     };
 }
 
@@ -107,7 +108,8 @@ function markOf({ x, y }) {
     return { element, title, show };
 }
 
-function draw(tag, attributes, ...children) {
+// An element of a drawing.
+export function draw(tag, attributes, ...children) {
     const element = document.createElementNS(SVG, tag);
     for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
     element.append(...children);

@@ -1,32 +1,13 @@
-// What the columns of a recording hold, where their names do not say it: a table with a picture of each column, in which a person chooses.
-// The choice is kept for the next file with the same header.
+// What the columns of a recording hold, where their names do not say it: a table with a picture of each column, in which a person chooses,
+// and what reading it then finds. Which quantities and units there are, and what a column probably holds, is the engine's to say. The
+// choice is kept for the next file with the same header.
 import { kept, make } from "./dom.js";
+import { prose } from "./prose.js";
 
-const QUANTITIES = {
-    time: ["time", ["s", "ms", "us"]],
-    force_normal: ["pressing force", ["N", "mN", "kgf"]],
-    force_tangential: ["friction force", ["N", "mN", "kgf"]],
-    speed: ["speed", ["mm/s", "m/s", "cm/s"]],
-    accel: ["vibration", ["m/s2", "g", "mm/s2", "1"]],
-    ...axes("accel", "acceleration", ["m/s2", "g", "mm/s2", "1"]),
-    ...axes("force", "force", ["N", "mN", "kgf"]),
-    ...axes("position", "position", ["mm", "m", "cm"]),
-};
-// Names that people give, in the order in which they are tried; the choice is the person's.
-const GUESSES = [
-    [/^(t|time|clock|zeit|stamp|timestamp)\b|time/i, "time"],
-    [/acc|vib|imu/i, "accel"],
-    [/speed|veloc|^v\b|^v_/i, "speed"],
-    [/tang|frict|shear/i, "force_tangential"],
-    [/force|press|load|normal|^f\b|^f_|^fz/i, "force_normal"],
-];
+const LABELS = { accel: "vibration", force_normal: "pressing force", force_tangential: "friction force" };
 const MOST_ROWS = 4000;
 const POINTS = 160;
 const SEPARATORS = [";", "\t", ","];
-
-function axes(name, label, units) {
-    return Object.fromEntries(["x", "y", "z"].map((axis) => [`${name}_${axis}`, [`${label} ${axis}`, units]]));
-}
 
 // The header of a table and some of its rows as numbers; null if it has none.
 export function headOf(csv) {
@@ -41,55 +22,103 @@ export function headOf(csv) {
     return { names, columns: names.map((_, i) => rows.map((row) => row[i] ?? NaN)) };
 }
 
-// What each column probably holds: every quantity once.
-export function guessed(names) {
-    const free = new Set(Object.keys(QUANTITIES));
-    return names.map((name) => {
-        const guess = GUESSES.find(([pattern, quantity]) => pattern.test(name) && free.has(quantity))?.[1] ?? null;
-        if (guess) free.delete(guess);
-        return guess;
-    });
-}
+const labelOf = (quantity) => LABELS[quantity] ?? quantity.replace("accel", "acceleration").replaceAll("_", " ");
+
+// A unit as it is printed: "m_s2" as m/s2, "n_mm" as N mm.
+const unitText = (unit) =>
+    unit === "1"
+        ? "not known"
+        : unit
+              .replace(/_s(2?)$/, "/s$1")
+              .replace(/^(m?)n(?=$|_)/, "$1N")
+              .replace("_", " ");
 
 // The mapping for a header that was chosen before.
 export const keptMapping = (names) => kept.get(`mapping.${names.join()}`, null);
 
-// A table in which a person says what the columns of a recording hold; `done` gets the mapping.
-export function mappingForm({ names, columns }, done) {
+// A table in which a person says what the columns of a recording hold; `read` gives what the engine finds with a mapping, `done` gets
+// the mapping.
+export async function mappingForm({ names, columns }, read, done) {
     const before = keptMapping(names);
+    const { quantities, columns: guesses } = (await read(before ?? {})) ?? { quantities: [], columns: [] };
     const quantityOf = (name) => Object.entries(before?.columns ?? {}).find(([, column]) => column === name)?.[0];
-    const guesses = guessed(names);
-    const rows = names.map((name, i) => rowOf(name, columns[i], before ? quantityOf(name) : guesses[i], before?.units));
+    const guess = (name) => guesses.find((each) => each.name === name)?.quantity;
+    const rows = names.map((name, i) => rowOf(name, columns[i], quantities, before ? quantityOf(name) : guess(name), before?.units));
     const rate = make("input", { type: "number", min: "1", step: "any", value: before?.rate_hz ?? "", "aria-label": "Rows in a second, where no column is the time" });
-    const learn = () => {
+    const mappingNow = () => {
         const chosen = rows.filter(({ quantity }) => quantity.value);
-        const mapping = {
+        const hasUnit = ({ unit }) => unit.value !== "";
+        return {
             columns: Object.fromEntries(chosen.map(({ name, quantity }) => [quantity.value, name])),
-            units: Object.fromEntries(chosen.map(({ quantity, unit }) => [quantity.value, unit.value])),
+            units: Object.fromEntries(chosen.filter(hasUnit).map(({ quantity, unit }) => [quantity.value, unit.value])),
             rate_hz: rate.value === "" ? null : Number(rate.value),
         };
-        kept.set(`mapping.${names.join()}`, mapping);
-        done(mapping);
     };
+    const learn = () => {
+        kept.set(`mapping.${names.join()}`, mappingNow());
+        done(mappingNow());
+    };
+    const findings = make("ul", { class: "findings", "aria-label": "What reading it finds" });
+    const look = inTurns(async () => showFindings(findings, await read(mappingNow())));
     const table = make("table", { class: "mapping" }, make("tbody", {}, ...rows.map(({ row }) => row)));
-    return make(
+    const form = make(
         "div",
         {},
         make("p", { class: "soft", text: "What do these columns hold? Needed are a pressing force, a speed or positions, a vibration, and the time or the rate." }),
         table,
         make("label", { class: "soft" }, "Rows in a second, without a time ", rate, " Hz "),
+        findings,
         make("button", { class: "primary", text: "Learn", onclick: learn }),
     );
+    form.addEventListener("change", look);
+    look();
+    return form;
 }
 
-function rowOf(name, values, guess, units = {}) {
+// Runs `work` again after what goes on, once, however often it is asked meanwhile.
+function inTurns(work) {
+    let [goesOn, again] = [false, false];
+    return async () => {
+        again = true;
+        if (goesOn) return;
+        goesOn = true;
+        while (again) {
+            again = false;
+            await work();
+        }
+        goesOn = false;
+    };
+}
+
+// The page has a menu where the command has a flag.
+const spoken = (text) =>
+    text
+        .replace(/(?:; )?(?:add|give it with|or give the unit with) --unit (\w+)=([^\s,;]+)/g, " choose the unit $2 of $1 above")
+        .replace(/;? ?(?:Name the columns: )?--.*$/s, "");
+
+// What would be repaired, with its consequences; that there is nothing is said, too.
+function showFindings(list, read) {
+    if (!read) return list.replaceChildren();
+    const line = (kind, text, consequence) =>
+        make("li", { class: kind }, ...prose(spoken(text)), consequence && make("span", { class: "soft", text: ` – ${consequence}` }));
+    const repairs = read.findings.filter(({ is_repair }) => is_repair);
+    const others = read.findings.filter(({ is_repair }) => !is_repair);
+    const first = read.error
+        ? [line("error", `Cannot be read so: ${read.error}`)]
+        : repairs.length
+          ? repairs.map(({ says, consequence }) => line("repair", `Would be repaired: ${says}`, consequence))
+          : [line("good", "Nothing to repair.")];
+    list.replaceChildren(...first, ...others.map(({ says, consequence }) => line("noted", says, consequence)));
+}
+
+function rowOf(name, values, quantities, guess, units = {}) {
     const unit = make("select", { "aria-label": `Unit of ${name}` });
-    const option = ([value, [label]]) => make("option", { value, text: label });
-    const quantity = make("select", { "aria-label": `What ${name} holds` }, make("option", { value: "", text: "not used" }), ...Object.entries(QUANTITIES).map(option));
+    const option = ({ name: value }) => make("option", { value, text: labelOf(value) });
+    const quantity = make("select", { "aria-label": `What ${name} holds` }, make("option", { value: "", text: "not used" }), ...quantities.map(option));
     const showUnits = () => {
-        const known = QUANTITIES[quantity.value]?.[1] ?? [];
-        unit.replaceChildren(...known.map((each) => make("option", { value: each, text: each === "1" ? "not known" : each })));
-        unit.value = units[quantity.value] ?? known[0] ?? "";
+        const known = quantities.find((each) => each.name === quantity.value)?.units ?? [];
+        unit.replaceChildren(...known.map((each) => make("option", { value: each, text: unitText(each) })));
+        unit.value = units[quantity.value]?.toLowerCase().replace("/", "_") ?? known[0] ?? "";
         unit.hidden = known.length === 0;
     };
     quantity.value = guess ?? "";

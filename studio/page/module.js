@@ -55,11 +55,12 @@ export class Module {
         return this.#calls.haptograph_check() ? this.#message() : null;
     }
 
-    // Learns the surface of a recording, { path, bytes, mapping }; returns the result as JSON. Throws its errors, as bytes.
-    learn(recording) {
+    // Learns the surface of a recording, { path, bytes, mapping }, or says what reading it finds; returns the result as JSON. Throws
+    // its errors, as bytes.
+    learn(recording, reads) {
         this.put(recording);
         this.#fill(recording.path, recording.mapping);
-        const isLearned = this.#calls.haptograph_learn(recording.path.length);
+        const isLearned = this.#calls[reads ? "haptograph_read" : "haptograph_learn"](recording.path.length);
         if (!isLearned) throw this.#message();
         return this.#message();
     }

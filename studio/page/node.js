@@ -48,6 +48,7 @@ function contentOf(studio, path, rows, close) {
         make("h3", { class: "clip", text: path }),
         make("span", { class: "soft clip", text: kind?.name ?? "" }),
         make("span", { class: "grow" }),
+        studio.edits.may() && make("button", { text: "Edit", title: "Change its settings here. Also: double click, F2", onclick: () => studio.editNode(path) }),
         make("button", { class: "quiet", text: "Close", onclick: close }),
     );
     return [

@@ -32,7 +32,12 @@ export function mountRecorder(studio) {
         studio.say(message.error ? "bad" : "good", message.error ?? `${message.seconds.toFixed(1)} s were recorded: ${where}`);
     });
     studio.loadRecording = use;
-    studio.on("status", ({ recording_s, replay: part, state }) => {
+    studio.on("graph", () => (find("recorded").hidden = true));
+    studio.on("status", ({ recording_s, recorded, replay: part, state }) => {
+        if (recording_s !== null && recorded.length) {
+            find("recorded").hidden = false;
+            setText(find("recorded"), recorded.join("\n"));
+        }
         // Where a STOP came first, it did not end.
         if (was !== null && part === null && replayed && state === "running") studio.say("good", `Replayed: ${replayed}`);
         if (part === null && was !== null) {

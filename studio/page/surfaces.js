@@ -171,7 +171,8 @@ async function learn(studio, file, mapping = undefined) {
         // The page has no flags.
         end("bad", `${file.name} was not learned: ${reply.error.replace(/ Name the columns: --.*/s, "")}`);
         const again = (chosen) => (box.remove(), learn(studio, file, chosen));
-        if (head && studio.connection.open) text.after(mappingForm(head, again));
+        const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
+        if (head && studio.connection.open) text.after(await mappingForm(head, read, again));
         return;
     }
     const parameter = parameterOf(studio.graph);

@@ -70,7 +70,7 @@ fn node(entry: &NodeEntry) -> Value {
     let input = |port: &InputSpec| {
         json!({
             "name": port.name, "doc": port.doc, "unit": unit_by(port.quantity),
-            "named": port.presence == Presence::Named,
+            "named": port.presence == Presence::Named, "several": port.presence.is_several(),
         })
     };
     let output = |port: &OutputSpec| {
@@ -151,6 +151,11 @@ fn shown(stage: &Stage) -> Value {
         })
     });
     let ports = scope::ports(graph);
+    let outputs = graph.template_outputs().iter().filter_map(|output| {
+        let node = &graph.nodes()[output.node];
+        let port = format!("{}.{}", node.path, node.outputs.get(output.output)?.name);
+        Some(json!({ "name": output.name(), "port": port }))
+    });
     let sound = stage.signals.sound.as_ref();
     let drivers = graph.drivers().into_iter().map(|driver| {
         let clock = &graph.clocks()[driver];
@@ -174,6 +179,7 @@ fn shown(stage: &Stage) -> Value {
         "inputs": stage.loaded.inputs.iter().map(input).collect::<Vec<_>>(),
         "others": stage.loaded.others,
         "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
+        "template_outputs": outputs.collect::<Vec<_>>(), "endpoints": stage.source.endpoints,
         "levels": levels::described(&ports),
         "settings": settings(stage),
         "parameters": parameters(stage),

@@ -1,10 +1,14 @@
 //! Learning of a surface from a recording that is dropped on the page.
 
 use haptograph_learning::learn::{LearnSettings, LearningReport, learn};
-use haptograph_learning::recording::{ImportSettings, load_with};
+use haptograph_learning::recording::{
+    AnyRecording, Finding, ImportSettings, QUANTITIES, csv_head, load_with, units_of,
+};
+use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_surfaces::Surface;
 use haptograph_surfaces::files::native;
 use serde::Deserialize;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -20,6 +24,9 @@ pub(crate) struct Dropped {
     pub csv: String,
     #[serde(default)]
     pub mapping: Mapping,
+    /// Only says what reading it finds; nothing is learned.
+    #[serde(default)]
+    pub reads: bool,
 }
 
 /// What the columns of a recording hold, as far as their names do not say it.
@@ -74,23 +81,47 @@ impl Learned {
     }
 }
 
+/// What reading the table in a file finds: its columns with what they probably hold, all quantities with their units, findings, and
+/// why it cannot be read.
+pub(crate) fn reading(table: &Path, mapping: &Mapping) -> Value {
+    let head = files::read(table, MAX_RECORDING_BYTES).ok().and_then(|bytes| csv_head(&bytes));
+    let columns = head.map(|head| head.columns).unwrap_or_default().into_iter();
+    let columns = columns.map(|column| json!({ "name": column.name, "quantity": column.quantity }));
+    let quantities = QUANTITIES.iter().map(|name| json!({ "name": name, "units": units_of(name) }));
+    let read = loaded(table, mapping);
+    let (findings, error) = match read {
+        Ok((_, findings)) => (findings, None),
+        Err(error) => (Vec::new(), Some(error)),
+    };
+    let finding = |finding: &Finding| json!({ "says": finding.to_string(), "consequence": finding.consequence(), "is_repair": finding.is_repair() });
+    json!({
+        "columns": columns.collect::<Vec<_>>(), "quantities": quantities.collect::<Vec<_>>(),
+        "findings": findings.iter().map(|(_, each)| finding(each)).collect::<Vec<_>>(), "error": error,
+    })
+}
+
 /// Learns the table in a file; the surface is named `stem`.
 ///
 /// # Errors
 /// A description of the error in the table, without the file's folder, or a note that the table contains no drag.
 pub(crate) fn learn_table(stem: &str, table: &Path, mapping: &Mapping) -> Result<Learned, String> {
-    let folder = table.parent().unwrap_or(Path::new("")).to_string_lossy();
-    let shown = |error: &dyn Display| match &*folder {
-        "" => error.to_string(),
-        folder => error.to_string().replace(folder, ""),
-    };
-    let (recording, _) =
-        load_with(&[table.to_owned()], &mapping.settings()?).map_err(|error| shown(&error))?;
-    let (surface, report) =
-        learn(stem, &[recording], &LearnSettings::default(), &|_| ()).map_err(|error| shown(&error))?;
+    let (recording, _) = loaded(table, mapping)?;
+    let learned = learn(stem, &[recording], &LearnSettings::default(), &|_| ());
+    let (surface, report) = learned.map_err(|error| without_folder(table, &error))?;
     match surface.texture {
         Some(_) => Ok(Learned { surface, report }),
         None => Err(NO_DRAG.to_owned()),
+    }
+}
+
+fn loaded(table: &Path, mapping: &Mapping) -> Result<(AnyRecording, Vec<(PathBuf, Finding)>), String> {
+    load_with(&[table.to_owned()], &mapping.settings()?).map_err(|error| without_folder(table, &error))
+}
+
+fn without_folder(table: &Path, error: &dyn Display) -> String {
+    match &*table.parent().unwrap_or(Path::new("")).to_string_lossy() {
+        "" => error.to_string(),
+        folder => error.to_string().replace(&format!("{folder}/"), ""),
     }
 }
 

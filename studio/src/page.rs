@@ -318,6 +318,11 @@ pub fn learn_recording(recording: &Path, mapping: &Mapping) -> Result<[String; 3
     Ok([stem, learned.text(), learned.page()])
 }
 
+/// What reading a recording in a file finds, as in the reply to `learn` with `reads`.
+pub fn read_recording(recording: &Path, mapping: &Mapping) -> serde_json::Value {
+    learn::reading(recording, mapping)
+}
+
 /// The parts of the engine's messages that a checker needs.
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]

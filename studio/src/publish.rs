@@ -83,6 +83,7 @@ fn status(stage: &mut Stage, levels: &[ActuatorLevel], latest: &mut Timing) -> V
     let frame = stage.frames();
     let replay = stage.cycle.replay.as_ref().map(|replay| replay.part(frame));
     let (gain, note) = (stage.devices.switch.gain(), stage.devices.note.clone());
+    let recorded = stage.recorded();
     let Stage { signals, clock, session, pages, cycle, .. } = stage;
     let Signals { actuators, silent, .. } = signals;
     let actuators: Vec<Value> =
@@ -109,7 +110,7 @@ fn status(stage: &mut Stage, levels: &[ActuatorLevel], latest: &mut Timing) -> V
         "type": "status",
         "time_s": time_s,
         "state": match cycle.state { State::Running => "running", State::Stopped => "stopped", State::Failed => "failed" },
-        "recording_s": recording_s,
+        "recording_s": recording_s, "recorded": recorded,
         "replay": replay,
         "pages": pages.list.len(),
         "behind_ms": timing.late_ns as f64 * 1e-6,

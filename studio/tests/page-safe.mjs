@@ -177,6 +177,7 @@ programTest("a page of the network stops, and says that it cannot resume and why
         }
         await far.tap("#pad-cover-button");
         await until(far, () => studio.status.owner);
+        assert.equal(await far.evaluate(() => (studio.editNode("speed"), document.querySelectorAll(".by-hand").length)), 0, "it may not edit");
         await far.tap("#stop");
         for (const each of [near, far]) await until(each, () => studio.status.state === "stopped");
         assert.match(await far.textContent("#pad-cover-text"), /cannot resume: resume on the studio's own machine/);

@@ -608,13 +608,18 @@ programTest("a recording whose columns have foreign names is learned once a pers
         const speed = 60 + 40 * Math.sin(i / 4000);
         return `${i / 10_000},${(1 + 0.5 * Math.sin(i / 9000)).toFixed(4)},${speed.toFixed(3)},${(0.02 * speed * Math.sin(i * i)).toFixed(4)}`;
     });
-    const file = { name: "foreign.csv", mimeType: "text/csv", buffer: Buffer.from(`q1,q2,q3,q4\n${rows.join("\n")}\n`) };
+    const file = { name: "foreign.csv", mimeType: "text/csv", buffer: Buffer.from(`q1,q2,q3,q4\n${rows.join("\n").replace("0.5,", "0.5,?")}\n`) };
     try {
         await page.setInputFiles("#learn", file);
         await page.waitForSelector(".mapping", { timeout: 30_000 });
         await picture(page, "mapping");
         const quantities = ["time", "force_normal", "speed", "accel"];
+        await page.waitForSelector(".findings .error");
         for (const [i, quantity] of quantities.entries()) await page.selectOption(`.mapping tr:nth-child(${i + 1}) select >> nth=0`, quantity);
+        // What would be repaired is said before anything is learned.
+        await page.waitForSelector(".findings .repair");
+        assert.match(await page.textContent(".findings"), /1 .*(unreadable|empty)/);
+        await picture(page, "findings");
         await page.click(".surface-message .primary");
         const learned = () => [...document.querySelectorAll(".surface-message p")].some((p) => / was learned;/.test(p.textContent));
         await until(page, learned, null, 60_000);
@@ -627,6 +632,17 @@ programTest("a recording whose columns have foreign names is learned once a pers
         await page.context().close();
         await own.end();
     }
+});
+
+programTest("the page of a recorder shows how much of force and speed is recorded", async () => {
+    const own = await studioOf("graphs/recorder.ron");
+    const page = await open({ at: own.address });
+    await page.click("#record");
+    await until(page, () => /[1-9] of 9 areas/.test(document.getElementById("recorded").textContent));
+    assert.equal(await page.isVisible("#recorded"), true);
+    await picture(page, "coverage");
+    await page.context().close();
+    await own.end();
 });
 
 programTest("a parameter that feeds one setting has its unit and range, and is set when it is let go", async () => {

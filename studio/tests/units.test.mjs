@@ -16,16 +16,17 @@ import { Hands, tiltOf } from "../page/hands.js";
 import { completions, helpOf } from "../page/help.js";
 import { GESTURES, Stroke } from "../page/gestures.js";
 import { GRAPH } from "../page/keys.js";
-import { guessed, headOf } from "../page/mapping.js";
+import { headOf } from "../page/mapping.js";
 import { Levels } from "../page/levels.js";
 import { gainsOf } from "../page/listen.js";
 import { axesFor, isExtrapolated, locate } from "../page/locate.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { unmoved } from "../page/pads.js";
 import { axisRange, equalRanges, extentOf, framesOf, isConstant, Points } from "../page/plotting.js";
-import { placeOf } from "../page/ron.js";
+import { placeOf, treeOf } from "../page/ron.js";
 import { closeUp, limitsOf, sidesIn } from "../page/scene.js";
 import { zip } from "../page/study-store.js";
+import * as edit from "../page/text-changes.js";
 import { Trace } from "../page/trace.js";
 import { wavOf } from "../page/wav.js";
 
@@ -70,12 +71,10 @@ test("the kept sound is a WAV file of floats that says its full scale", async ()
     assert.deepEqual([view.getFloat32(chunks.data, true), view.getFloat32(chunks.data + 4, true)], [0.5, -1]);
 });
 
-test("the columns of a foreign recording are named, drawn and guessed", () => {
+test("the columns of a foreign recording are named and drawn", () => {
     const { names, columns } = headOf('# a note\n"clock";pressing;v_tip;vib\n0,5;1;60;-0,25\n1;x;61;0\n');
     assert.deepEqual(names, ["clock", "pressing", "v_tip", "vib"]);
     assert.deepEqual(columns, [[0.5, 1], [1, NaN], [60, 61], [-0.25, 0]]);
-    assert.deepEqual(guessed(names), ["time", "force_normal", "speed", "accel"]);
-    assert.deepEqual(guessed(["vib", "vib 2", "note"]), ["accel", null, null]);
     for (const none of ["", "1,2\n3,4\n", "one column\n"]) assert.equal(headOf(none), null);
 });
 
@@ -215,6 +214,96 @@ test("the editor knows where in the text it is", () => {
     assert.equal(at("no(", 1).comment, true);
     const end = placeOf(text, text.length);
     assert.deepEqual([around(end), end.key], [["Graph(", "{"], "c"]);
+});
+
+// A text in which everything stands that could mislead: comments in comments, brackets in strings, raw strings.
+const MISLEADING = `#![enable(implicit_some)]
+Graph( /* not /* a */ "node": X( */
+    nodes: {
+        "a": Gain(input: Linear("b.out"), gain: 2 /* ) */),   // "a": Gain(gain: 3)
+        "s": Sum(inputs: ["x",
+            "y", // the second
+        ]),
+        "m": Mix(
+            path: r#"a "quoted" (]"#,
+            name: "(\\")", // of it
+            limit: (peak: 1.0,), depth: Some(2)
+        ),
+        "bare": Noise,
+        "d": Add(inputs: ["a", Delay(from: "m", frames: 3)], names: ["one", "two"]),
+        "e": Expression(inputs: {"u": "a", "v": Hold("b")}),
+        "p": Gain(input: "a", gain: Param("g")),
+        "t": Twice(of: "a", by: 3),
+    },
+    parameters: { "g": 1.5 },
+    templates: { "Twice": Template(nodes: { "inner": Gain(gain: Setting("by")) }) },
+)
+`;
+
+test("a change of the text is the smallest, and leaves comments and alignment as they are", () => {
+    const at = (path) => edit.nodeAt(MISLEADING, path).value;
+    const given = (path, name, source) => edit.fieldChange(MISLEADING, at(path), name, source);
+    const is = (changes, from, to) => assert.equal(edit.changed(MISLEADING, changes), MISLEADING.replace(from, () => to));
+    is(given("a", "gain", "5"), "gain: 2 /*", "gain: 5 /*");
+    is(given("a", "more", "5"), "gain: 2 /*", "gain: 2, more: 5 /*");
+    is(given("m", "path", '"b"'), 'r#"a "quoted" (]"#', '"b"');
+    is(given("m", "depth", "4"), "Some(2)", "Some(4)");
+    is(given("m", "new", "4"), "Some(2)", "Some(2), new: 4");
+    is(given("bare", "seed", "4"), "Noise,", "Noise(seed: 4),");
+    is(edit.fieldChange(MISLEADING, edit.itemOf(at("m"), "limit").value, "window", "9"), "1.0,)", "1.0, window: 9,)");
+    is(edit.removed(MISLEADING, at("a"), "gain"), ', gain: 2 /*', ' /*');
+    is(edit.removed(MISLEADING, at("m"), "path"), '            path: r#"a "quoted" (]"#,\n', "");
+    is(edit.removed(MISLEADING, at("m"), "name"), 'name: "(\\")", // of it', "// of it");
+    const connect = (path, input, output, wrapped) => edit.connection(MISLEADING, at(path), input, output, wrapped);
+    is(connect("a", { name: "input" }, "q.r"), '"b.out"', '"q.r"');
+    is(connect("a", { name: "input" }, "q.r", 'Hold("q.r")'), 'Linear("b.out")', 'Hold("q.r")');
+    is(connect("s", { name: "inputs", isSeveral: true }, "z"), "// the second\n", '// the second\n            "z",\n');
+    is(connect("d", { name: "inputs", slot: 1, isSeveral: true }, "z"), 'from: "m"', 'from: "z"');
+    is(connect("e", { name: "inputs", slot: 1, isSeveral: true }, "z"), 'Hold("b")', 'Hold("z")');
+    is(connect("bare", { name: "inputs", isSeveral: true }, "z"), "Noise,", 'Noise(inputs: ["z"]),');
+    assert.equal(connect("e", { name: "inputs", slot: null, isSeveral: true }, "z"), null);
+    assert.deepEqual(edit.inputAt(at("d"), [{ name: "inputs" }], "two", 0), { name: "inputs", slot: 1 });
+    assert.deepEqual(edit.inputAt(at("e"), [{ name: "inputs" }], "v", 0), { name: "inputs", slot: 1 });
+    assert.deepEqual([edit.parameterIn(edit.itemOf(at("p"), "gain").value), edit.contentOf(edit.parameterAt(MISLEADING, "g").value)], ["g", "1.5"]);
+    const inner = edit.nodeAt(MISLEADING, "t/inner");
+    assert.deepEqual([inner.template, edit.sortOf(edit.itemOf(inner.value, "gain").value), inner.use.key], ["Twice", "computed", "t"]);
+    const devices = 'Graph(endpoints: { "live": { "pen": Udp() }, "simulated": { "pen": Hand(force_n: 1) } })';
+    for (const [kind, set, found] of [["Hand", "live", "Hand"], ["Host", "simulated", "Hand"], ["Host", "live", "Udp"]])
+        assert.equal(edit.nameOf(edit.deviceAt(devices, "pen", kind, set).value), found);
+    for (const broken of ["", "Graph(", 'Graph(nodes: {"a": ', ")", "Graph(nodes: { : , ( )", '"', "/*"]) edit.nodeAt(broken, "a");
+});
+
+test("in every shipped graph each written scalar is replaced alone", () => {
+    const folder = new URL("../../graphs/", import.meta.url);
+    const graphs = readdirSync(folder, { recursive: true }).filter((name) => name.endsWith(".ron"));
+    let count = 0;
+    for (const name of graphs) {
+        const text = readFileSync(new URL(name, folder), "utf8");
+        if (!/^Graph\(/m.test(text)) continue;
+        for (const { key: node } of edit.itemsIn(text, "nodes")) {
+            const { value } = edit.nodeAt(text, node);
+            for (const { key, value: written } of value.items ?? []) {
+                if (edit.sortOf(written) === "other") continue;
+                const source = text.slice(written.from, written.to);
+                assert.equal(edit.changed(text, edit.fieldChange(text, value, key, source)), text, `${name} ${node}.${key}`);
+                const other = edit.sortOf(written) === "number" ? "12.5" : '"another, (one"';
+                const changed = edit.changed(text, edit.fieldChange(text, value, key, other));
+                assert.equal(changed, text.slice(0, written.from) + other + text.slice(written.to));
+                const again = edit.itemOf(edit.nodeAt(changed, node).value, key).value;
+                assert.equal(changed.slice(again.from, again.to), other);
+                // Taken out and written again, it is there with all others.
+                const without = edit.changed(text, edit.removed(text, value, key));
+                const keys = (of) => edit.nodeAt(of, node).value.items.map((item) => item.key);
+                assert.deepEqual(keys(without), keys(text).filter((each) => each !== key), `${name} ${node}.${key}`);
+                const back = edit.changed(without, edit.fieldChange(without, edit.nodeAt(without, node).value, key, source));
+                assert.deepEqual(keys(back).sort(), keys(text).sort());
+                assert.equal(back.match(/\/\/.*/g)?.join(), text.match(/\/\/.*/g)?.join(), "no comment is lost");
+                count++;
+            }
+        }
+        assert.equal(treeOf(text).name, "Graph");
+    }
+    assert(count > 300, `${count} settings`);
 });
 
 // What an engine says that it has, for the editor.

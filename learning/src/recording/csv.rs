@@ -13,12 +13,14 @@
 
 mod alias;
 mod clock;
+mod guess;
 mod hints;
 mod join;
 mod table;
 mod units;
 mod write;
 
+pub use guess::{LikelyColumn, units_of};
 pub(super) use table::{
     Cells, ColumnSelection, Fault, SignalColumns, Table, Taken, check_mapping, missing_columns, number,
 };
@@ -73,6 +75,8 @@ pub struct CsvHead {
     pub says_gesture: bool,
     /// The origin from a line `# origin: ...`.
     pub origin: Option<Origin>,
+    /// The columns, and what they probably hold.
+    pub columns: Vec<LikelyColumn>,
 }
 
 /// The head of a file from its first bytes; `None` if they are not CSV.
@@ -81,11 +85,12 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
     if is_binary || bytes.trim_ascii_start().starts_with(b"<") {
         return None;
     }
-    let is_ours = |name: &str| parse_name(&name.to_lowercase()).is_some();
+    let is_ours = |name: &str| parse_name(&name.to_lowercase()).is_some() || alias::is_like_ours(name);
     let (_, head) = Rows::new(bytes, &is_ours).ok()?;
     Some(CsvHead {
         says_gesture: head.notes.contains_key("gesture"),
         origin: head.notes.get("origin").and_then(|text| text.parse().ok()),
+        columns: guess::guessed(&head.names),
     })
 }
 

@@ -136,6 +136,48 @@ pub enum Finding {
     TimesNotUsed { column: String },
 }
 
+impl Finding {
+    /// True if numbers of the file were replaced, moved or left out.
+    pub const fn is_repair(&self) -> bool {
+        use Finding::{Clipped, CoarseTimes, Cut, HighPassed, Interpolated, Jitter, Outliers};
+        matches!(
+            self,
+            Clipped { .. }
+                | CoarseTimes { .. }
+                | Cut { .. }
+                | HighPassed { .. }
+                | Interpolated { .. }
+                | Jitter { .. }
+                | Outliers { .. }
+        )
+    }
+
+    /// What follows for a surface that is learned from the file.
+    pub const fn consequence(&self) -> &'static str {
+        match self {
+            Self::NotUsed { .. } => "nothing is learned from them",
+            Self::OtherUnit { .. } => "levels are wrong if the file is right",
+            Self::Jitter { .. } => {
+                "samples between rows are computed, so the highest frequencies become weaker"
+            }
+            Self::CoarseTimes { .. } => "missing rows cannot be seen",
+            Self::StrangeRate { .. } => "with a wrong unit of time all frequencies and rates are wrong",
+            Self::Interpolated { .. } => "straight lines in their place are learned as if they had been felt",
+            Self::Outliers { .. } => "single samples are not learned; a surface with real clicks loses these",
+            Self::Clipped { .. } => {
+                "the strongest vibration is learned too weak; record again with a larger range"
+            }
+            Self::Cut { .. } => "only what all files hold is learned",
+            Self::Implausible { .. } => "the surface is too strong or too weak if the unit is wrong",
+            Self::UnknownUnit => "the surface can be compared with no other",
+            Self::HighPassed { .. } => "gravity and offset are taken out, and with them slower vibration",
+            Self::TakenAs { .. } => "choose another column if this one holds something else",
+            Self::SpeedOfPosition { .. } => "faster changes of speed are smoothed",
+            Self::TimesNotUsed { .. } => "missing rows cannot be seen",
+        }
+    }
+}
+
 /// A number for a message: three digits.
 fn digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)

@@ -20,7 +20,7 @@ pub use crate::signals::{
 use archive::open_archive;
 #[cfg(not(target_family = "wasm"))]
 pub use archive::{read_archive, write_archive};
-pub use csv::{COLUMNS, CsvHead, QUANTITIES, csv_head, read_csv, write_csv};
+pub use csv::{COLUMNS, CsvHead, LikelyColumn, QUANTITIES, csv_head, read_csv, units_of, write_csv};
 pub use error::ReadError;
 pub use file::{
     LoadError, Sweep, contents, file_names, load, load_column, load_signal, load_sweep, load_with, save,

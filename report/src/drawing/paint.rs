@@ -197,12 +197,12 @@ fn paint_box(svg: &mut Svg, node: &NodeBox, at: Rect) {
     for (i, port) in node.inputs.iter().enumerate() {
         let y = at.y + port_height(node, i);
         let (dot, word) = if port.connected { ("soft", "small soft") } else { ("box frame", "small faint") };
-        svg.circle(dot, (at.x, y), 2.6);
+        paint_port(svg, node, ("data-input", &port.name), dot, (at.x, y));
         svg.text(word, (at.x + 9.0, y + 3.5), Anchor::Start, &port.name);
     }
     for (i, port) in node.outputs.iter().enumerate() {
         let y = at.y + port_height(node, i);
-        svg.circle("soft", (at.right(), y), 2.6);
+        paint_port(svg, node, ("data-output", &port.name), "soft", (at.right(), y));
         svg.text("small soft", (at.right() - 9.0, y + 3.5), Anchor::End, &port.name);
     }
     let top = at.y + settings_top(node);
@@ -213,6 +213,13 @@ fn paint_box(svg: &mut Svg, node: &NodeBox, at: Rect) {
         let y = top + DIVIDER + SETTING * i as f64 + 4.0;
         svg.text("tiny soft", (at.x + 9.0, y), Anchor::Start, line);
     }
+}
+
+/// The dot of a port, which a page can find by the names of node and port; a body has none that a graph could connect.
+fn paint_port(svg: &mut Svg, node: &NodeBox, (what, name): (&str, &str), dot: &str, at: (f64, f64)) {
+    let port = format!("{}.{name}", node.path);
+    let what: &[(&str, &str)] = if node.role == Role::Body { &[] } else { &[(what, &port)] };
+    svg.group_of("port", what, |svg| svg.circle(dot, at, 2.6));
 }
 
 /// A box with a point: sources point in from the left, actuators out to the right.

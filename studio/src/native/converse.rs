@@ -267,31 +267,7 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
             connection.exclusive.learning.cancel(connection.page, Some(request));
             None
         }
-        Response::Learn { request, dropped } => {
-            let refused = |why: &str| Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
-            let Some(learner) = connection.learner else {
-                return refused("this studio cannot learn surfaces");
-            };
-            let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
-                return refused(BUSY);
-            };
-            let connection = connection.clone();
-            tokio::spawn(async move {
-                let (stage, page) = (Arc::clone(&connection.stage), connection.page);
-                let learned = blocking(move || learned(&stage, page, (turn, learner), &dropped)).await;
-                let answer = match learned.unwrap_or_else(failed) {
-                    Ok((path, report)) => {
-                        let mut answer = talk::reply(request, Ok(path));
-                        answer["report"] = report.into();
-                        answer
-                    }
-                    Err(error) => talk::reply(request, Err(error)),
-                };
-                // A closed page needs no answer.
-                let _ = connection.answers.send(answer).await;
-            });
-            None
-        }
+        Response::Learn { request, dropped } => learn(connection, request, dropped),
         Response::Listen { request, compared } => {
             let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
                 return Some(talk::reply(request, Err(other(BUSY))));
@@ -322,6 +298,39 @@ fn heard(stage: &Mutex<Stage>, _turn: Turn, request: u64, compared: &Compared) -
         Ok(file) => listen::reply(request, file.path(), compared, &source),
         Err(error) => talk::reply(request, Err(error)),
     }
+}
+
+/// Begins to learn a recording, or to read it only; returns an immediate answer.
+fn learn(connection: &Connection, request: u64, dropped: Dropped) -> Option<Value> {
+    let refused = |why: &str| Some(talk::reply(request, Err(StageError::Other(why.to_owned()))));
+    let Some(learner) = connection.learner else {
+        return refused("this studio cannot learn surfaces");
+    };
+    let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
+        return refused(BUSY);
+    };
+    let connection = connection.clone();
+    tokio::spawn(async move {
+        let (stage, page) = (Arc::clone(&connection.stage), connection.page);
+        let work = move || match dropped.reads {
+            true => {
+                turn.reading(&dropped).map(|read| ("read", read, String::new())).map_err(StageError::Other)
+            }
+            false => learned(&stage, page, (turn, learner), &dropped)
+                .map(|(path, report)| ("report", report.into(), path)),
+        };
+        let answer = match blocking(work).await.unwrap_or_else(failed) {
+            Ok((name, value, change)) => {
+                let mut answer = talk::reply(request, Ok(change));
+                answer[name] = value;
+                answer
+            }
+            Err(error) => talk::reply(request, Err(error)),
+        };
+        // A closed page needs no answer.
+        let _ = connection.answers.send(answer).await;
+    });
+    None
 }
 
 /// Processes the requests of a page in order.

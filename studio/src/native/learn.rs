@@ -105,11 +105,23 @@ impl Learning {
 }
 
 impl Turn {
+    /// What reading the table finds.
+    pub(super) fn reading(
+        &self,
+        Dropped { name, csv, mapping, .. }: &Dropped,
+    ) -> Result<serde_json::Value, String> {
+        let stored = |error: io::Error| format!("cannot store the recording: {error}");
+        let workplace = tempfile::tempdir().map_err(stored)?;
+        let table = workplace.path().join(format!("{}.csv", stem(name)));
+        std::fs::write(&table, csv).map_err(stored)?;
+        Ok(crate::learn::reading(&table, mapping))
+    }
+
     /// Learns the table `name` and writes its surface to a new file in `folder`; returns the file and the report as HTML.
     pub(super) fn surface(
         &self,
         learner: Learner,
-        Dropped { name, csv, mapping }: &Dropped,
+        Dropped { name, csv, mapping, .. }: &Dropped,
         folder: &Path,
     ) -> Result<(PathBuf, Vec<u8>), String> {
         let stem = stem(name);
@@ -261,7 +273,12 @@ mod tests {
         let (learning, folder) = (Learning::default(), tempfile::tempdir().expect("a folder"));
         let turn = learning.begin(1, 2).expect("nothing is learned");
         let path = folder.path().to_owned();
-        let dropped = Dropped { name: "x.csv".to_owned(), csv: "a".to_owned(), mapping: Default::default() };
+        let dropped = Dropped {
+            name: "x.csv".to_owned(),
+            csv: "a".to_owned(),
+            mapping: Default::default(),
+            reads: false,
+        };
         let thread = std::thread::spawn(move || turn.surface(learner, &dropped, &path).map(drop));
         (learning, thread, folder)
     }

@@ -46,6 +46,12 @@ impl Stage {
         }
     }
 
+    /// What the files of the run have so far, such as how much of force and speed.
+    pub(crate) fn recorded(&self) -> Vec<String> {
+        let files = self.loaded.graph.file_progress().filter(|_| self.session.is_some());
+        files.map(|(_, file)| file.lines().join("\n")).collect()
+    }
+
     /// Begins to record a run, whose folder keeps what is recorded.
     pub(crate) fn begin_recording(&mut self) {
         let mut recording = Recording::begin(&self.source, &self.loaded.text, self.signals.rate_hz);

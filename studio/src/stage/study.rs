@@ -189,6 +189,7 @@ impl Stage {
 
     /// Sends each page what it shows, if that has changed.
     fn tell_study(&mut self) {
+        let recorded = self.recorded().into();
         let Some(study) = &mut self.pages.study else { return };
         let now_s = study.now_s();
         let mut views = [study.conductor.participant_view(now_s), study.conductor.experimenter_view(now_s)];
@@ -198,8 +199,7 @@ impl Stage {
         views[0]["sound_hz"] = rate_hz.filter(|_| driven(&self.loaded.graph).is_empty()).into();
         views[1]["participant_is_there"] = is_there.into();
         // A hand on the page's pad, N; how hard one presses tells nothing about what is rendered.
-        let recorded = self.loaded.graph.file_progress().filter(|_| self.session.is_some());
-        views[1]["recorded"] = recorded.map(|(_, file)| file.lines().join("\n")).collect();
+        views[1]["recorded"] = recorded;
         let pressed_n = self.signals.pads.iter().map(Pad::force_n).fold(0.0, f64::max);
         views[1]["pressed_n"] = ((pressed_n * 10.0).round() / 10.0).into();
         for (number, view) in views.into_iter().enumerate() {

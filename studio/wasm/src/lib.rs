@@ -7,7 +7,7 @@
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
-use haptograph_studio::page::{Checker, Engine, Mapping, Message, Opened, learn_recording};
+use haptograph_studio::page::{Checker, Engine, Mapping, Message, Opened, learn_recording, read_recording};
 use serde_json::json;
 use std::cell::RefCell;
 use std::path::Path;
@@ -201,6 +201,22 @@ pub extern "C" fn haptograph_learn(path_length: usize) -> u32 {
         };
         state.message = message.into_bytes();
         is_learned
+    })
+}
+
+/// What reading a recording finds, with the input buffer as for [`haptograph_learn`]: the message, as in the reply to `learn` with `reads`.
+/// Returns 1, or 0 with the reason as the message.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_read(path_length: usize) -> u32 {
+    keep_panics();
+    with(|state| {
+        let (path, mapping) = state.room.split_at(path_length.min(state.room.len()));
+        let mapping = serde_json::from_slice::<Mapping>(mapping).map_err(|error| error.to_string());
+        let read =
+            mapping.map(|mapping| read_recording(Path::new(&*String::from_utf8_lossy(path)), &mapping));
+        let (message, is_read) = read.map_or_else(|why| (why, 0), |read| (read.to_string(), 1));
+        state.message = message.into_bytes();
+        is_read
     })
 }
 

@@ -17,7 +17,7 @@ const WORDS: [(&str, &str); 8] = [
 ];
 
 /// The quantity of a column by its first word, such as `force_normal` for `Force [N]`.
-fn like_ours(name: &str) -> Option<String> {
+pub(super) fn like_ours(name: &str) -> Option<String> {
     let lower = name.to_lowercase();
     let translated = WORDS.iter().find_map(|(word, ours)| {
         let rest = lower.strip_prefix(word)?;

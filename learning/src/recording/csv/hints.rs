@@ -8,10 +8,11 @@ use haptograph_signal::quantity::Quantity;
 const MOST: usize = 6;
 
 /// Usual beginnings of the names of columns, by quantity.
-const BEGINNINGS: [(&str, &[&str]); 5] = [
-    ("time", &["t", "zeit", "stamp", "uhr"]),
-    ("accel", &["a", "besch", "vib"]),
-    ("force", &["f", "kraft", "normalkraft", "load", "druck", "pressure"]),
+const BEGINNINGS: [(&str, &[&str]); 6] = [
+    ("time", &["t", "zeit", "stamp", "uhr", "clock"]),
+    ("accel", &["a", "besch", "vib", "imu"]),
+    ("force_tangential", &["tang", "frict", "shear", "reib"]),
+    ("force", &["f", "kraft", "normal", "load", "druck", "press"]),
     ("speed", &["v", "geschw", "speed"]),
     ("position", &["x", "y", "z", "pos", "weg"]),
 ];
@@ -44,13 +45,15 @@ fn hint(quantity: &str, column: Option<(&str, &str)>) -> String {
 }
 
 /// The column whose unit is one of the quantity, or whose name has a usual beginning; preferably both.
-fn likely(quantity: &str, unread: &[(&str, &str)]) -> Option<usize> {
+pub(super) fn likely(quantity: &str, unread: &[(&str, &str)]) -> Option<usize> {
     let first = quantity.split('_').next().unwrap_or(quantity);
-    let begins = |name: &str| {
-        let beginnings = BEGINNINGS.iter().find(|(known, _)| *known == first);
+    let starts = |name: &str, wanted: &str| {
+        let beginnings = BEGINNINGS.iter().find(|(known, _)| *known == wanted);
         let lower = name.to_lowercase();
         beginnings.is_some_and(|(_, all)| all.iter().any(|beginning| lower.starts_with(beginning)))
     };
+    let begins =
+        |name: &str| starts(name, quantity) || (starts(name, first) && !starts(name, "force_tangential"));
     let of = dimension(quantity).filter(|of| *of != Quantity::NUMBER);
     let score = |(name, below): &(&str, &str)| {
         2 * u8::from(of.is_some_and(|of| is_of(name, below, of))) + u8::from(begins(name))
