@@ -100,7 +100,7 @@ export function pictureOf(studio, surface, veil = null) {
     const swatch = surface?.swatch ? `url("${imageOf(surface.swatch)}")` : null;
     return {
         backgroundImage: swatch ? [veil, swatch].filter(Boolean).join(", ") : "none",
-        backgroundColor: toneOf(studio.graph, surface),
+        backgroundColor: toneOf(surface),
         backgroundBlendMode: "",
     };
 }

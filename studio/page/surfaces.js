@@ -41,10 +41,11 @@ export function currentSurface(graph) {
     );
 }
 
-// A tone for each surface, to tell them apart at a glance; the relief in a swatch is the model's own.
-const TONES = ["#f0e2c4", "#d3e3e6", "#dfe8cd", "#ead6e2", "#e9d0bd", "#d9d9ee", "#f2dcd2", "#cfe6d9"];
-
-export const toneOf = (graph, surface) => TONES[Math.max(0, graph?.surfaces.indexOf(surface) ?? 0) % TONES.length];
+// A tone for each surface, to tell them apart at a glance, in every graph the same: its hue is that of the name.
+export function toneOf(surface) {
+    const hash = [...(surface?.name ?? "")].reduce((sum, letter) => Math.imul(sum ^ letter.codePointAt(0), 0x01000193) >>> 0, 0x811c9dc5);
+    return `hsl(${Math.round((hash / 2 ** 32) * 360)} 45% 88%)`;
+}
 
 function rebuild(studio, graph) {
     const parameter = parameterOf(graph);
@@ -56,7 +57,7 @@ function rebuild(studio, graph) {
             make("span", { class: "picture" }, make("img", { src: imageOf(swatch), alt: "" })),
             make("span", { class: "name", text: name }),
         );
-        card.style.setProperty("--tone", toneOf(graph, surface));
+        card.style.setProperty("--tone", toneOf(surface));
         card.disabled = !parameter;
         card.addEventListener("click", () => choose(studio, parameter.name, path));
         return card;
