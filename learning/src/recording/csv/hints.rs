@@ -47,13 +47,14 @@ fn hint(quantity: &str, column: Option<(&str, &str)>) -> String {
 /// The column whose unit is one of the quantity, or whose name has a usual beginning; preferably both.
 pub(super) fn likely(quantity: &str, unread: &[(&str, &str)]) -> Option<usize> {
     let first = quantity.split('_').next().unwrap_or(quantity);
-    let starts = |name: &str, wanted: &str| {
-        let beginnings = BEGINNINGS.iter().find(|(known, _)| *known == wanted);
+    let all =
+        || BEGINNINGS.iter().flat_map(|(known, all)| all.iter().map(move |beginning| (*known, *beginning)));
+    // Of "v" and "vib" the longer one is meant.
+    let begins = |name: &str| {
         let lower = name.to_lowercase();
-        beginnings.is_some_and(|(_, all)| all.iter().any(|beginning| lower.starts_with(beginning)))
+        let meant = all().filter(|(_, start)| lower.starts_with(start)).max_by_key(|(_, start)| start.len());
+        meant.is_some_and(|(known, _)| known == quantity || known == first)
     };
-    let begins =
-        |name: &str| starts(name, quantity) || (starts(name, first) && !starts(name, "force_tangential"));
     let of = dimension(quantity).filter(|of| *of != Quantity::NUMBER);
     let score = |(name, below): &(&str, &str)| {
         2 * u8::from(of.is_some_and(|of| is_of(name, below, of))) + u8::from(begins(name))
