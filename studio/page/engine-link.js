@@ -10,13 +10,13 @@ const decoder = new TextDecoder();
 
 export class EngineLink {
     #port;
-    #wasm;
     #checker = new Promise(() => {});
     #learning = null; // the request and the end of what is learned
+    #later; // addresses: { whole, surfaces }
 
-    constructor({ port, wasm, files, opened }) {
+    constructor({ port, wasm, files, opened, later }) {
         this.#port = port;
-        this.#wasm = wasm;
+        this.#later = later;
         this.readyState = WebSocket.OPEN;
         this.bufferedAmount = 0;
         this.onmessage = this.onclose = () => {};
@@ -49,17 +49,37 @@ export class EngineLink {
         if (this.#learning) return reply({ error: "another recording is being learned; retry when it is done" });
         this.#learning = { request, end: () => {} };
         try {
-            const learned = await learnBeside(this.#wasm, { name, csv, mapping }, (end) => (this.#learning.end = end));
+            const whole = await bytesOf(this.#later.whole);
+            const learned = await learnBeside(whole, { name, csv, mapping }, (end) => (this.#learning.end = end));
             const surface = { name: encoder.encode(learned.name), text: encoder.encode(learned.surface) };
             const path = (await this.#checker).addSurface(surface);
             if (!path) throw new Error("a thousand surfaces with this name exist; reload the page");
-            this.#port.postMessage({ surface, edits: true });
-            this.#flushLater();
+            this.#addToEngine(surface);
             reply({ ok: true, change: decoder.decode(path), learned });
         } catch (error) {
             reply({ error: error instanceof Uint8Array ? decoder.decode(error) : (error.message ?? String(error)) });
         } finally {
             this.#learning = null;
+        }
+    }
+
+    #addToEngine(surface) {
+        this.#port.postMessage({ surface, edits: true });
+        this.#flushLater();
+    }
+
+    // Loads the surfaces beside the graph's own, once.
+    async loadSurfaces() {
+        const addresses = this.#later?.surfaces.splice(0) ?? [];
+        for (const address of addresses) {
+            try {
+                const name = decodeURIComponent(address.split("/").at(-1)).replace(/\.ron$/, "");
+                const surface = { name: encoder.encode(name), text: await bytesOf(address) };
+                (await this.#checker).addSurface(surface);
+                this.#addToEngine(surface);
+            } catch {
+                this.#later.surfaces.push(address); // the next time it may be there
+            }
         }
     }
 
@@ -113,6 +133,12 @@ export class EngineLink {
         this.readyState = WebSocket.CLOSED;
         this.onclose({ reason: typeof why === "string" ? why : decoder.decode(why) });
     }
+}
+
+async function bytesOf(address) {
+    const response = await fetch(address);
+    if (!response.ok) throw new Error(`${address}: ${response.status} ${response.statusText}`);
+    return new Uint8Array(await response.arrayBuffer());
 }
 
 // `begun` gets the function that ends it with a reason.

@@ -23,6 +23,7 @@ const hear = {
     send: ({ message }) => send(message),
     player: ({ port }) => (player = port),
     stroke: ({ how }) => guide(how),
+    surfaces: () => socket?.loadSurfaces?.(),
 };
 onmessage = ({ data }) => hear[data.what]?.(data);
 
