@@ -46,7 +46,7 @@ for (const table of document.querySelectorAll("table")) {
 for (const box of document.querySelectorAll("pre, .table"))
     if (box.scrollWidth > box.clientWidth) {
         box.tabIndex = 0;
-        box.setAttribute("role", "region");
+        box.setAttribute("role", "group");
         box.setAttribute("aria-label", box.matches("pre") ? "Code" : "Table");
     }
 for (const button of document.querySelectorAll("button.run")) {

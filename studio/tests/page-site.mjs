@@ -134,15 +134,17 @@ siteTest("once visited, the site works without a network", async () => {
     await page.click("#stroke");
     await hear(page);
     // The rest comes once the graph has run for a while.
-    await page.waitForFunction(
-        async () => {
-            const names = await caches.keys();
-            const kept = names.length ? await (await caches.open(names[0])).keys() : [];
-            return kept.some(({ url }) => url.endsWith("whole.wasm")) && kept.some(({ url }) => url.endsWith("site.json"));
-        },
-        null,
-        { timeout: 4 * PATIENCE_MS, polling: 500 },
-    );
+    const isKept = () =>
+        page.evaluate(async () => {
+            const [name] = await caches.keys();
+            const kept = name ? await (await caches.open(name)).keys() : [];
+            return ["index.html", "whole.wasm", "worklet.js"].every((file) => kept.some(({ url }) => url.endsWith(`/${file}`)));
+        });
+    const begun_ms = performance.now();
+    while (!(await isKept())) {
+        assert(performance.now() - begun_ms < 4 * PATIENCE_MS, "it is not kept");
+        await page.waitForTimeout(300);
+    }
     await page.context().setOffline(true);
     await page.goto(served.address);
     await galleryReady(page);

@@ -2,7 +2,7 @@
 
 use super::assets::{ENGINE, PAGE, WHOLE_ENGINE};
 use super::docs;
-use super::gallery::{self, Card};
+use super::gallery;
 use super::server::StudioError;
 use crate::load::{SIMULATED, Source};
 use crate::page;
@@ -81,7 +81,7 @@ struct SiteGraph {
 struct Contents<'a> {
     graphs: Vec<SiteGraph>,
     /// Cards and pictures of the gallery; a study has none.
-    cards: Vec<(Card, String)>,
+    cards: Vec<(Value, String)>,
     pages: &'a [SitePage],
     docs: Option<&'a Path>,
 }
@@ -115,18 +115,19 @@ fn engine() -> Result<Modules<'static>, StudioError> {
 fn export_with(options: &Export, registry: &Registry, modules: Modules<'_>) -> Result<Exported, StudioError> {
     let (mut graphs, mut cards, mut names) = (Vec::new(), Vec::new(), BTreeSet::new());
     for path in &options.graphs {
-        let mut card = Card::of(path, &options.set, registry)?;
-        if !names.insert(card.name.clone()) {
-            let name = card.name;
-            return Err(other(format!("two graphs are called `{name}`: give one of the files another name")));
-        }
-        match take(path, &options.set, registry) {
+        let source = Source::new(plain(path)?, registry, options.set.clone());
+        let (name, mut card) = (source.name(), gallery::card(&source)?);
+        let picture = gallery::picture(&source)?;
+        match take(source) {
             Ok(graph) => graphs.push(graph),
-            Err(StudioError::Other(why)) if options.shows_all => card.why = Some(why),
+            Err(StudioError::Other(why)) if options.shows_all => card["why"] = json!(why),
             Err(StudioError::Other(why)) => return Err(other(format!("{}: {why}", path.display()))),
             Err(wrong) => return Err(wrong),
         }
-        cards.push((card, gallery::picture(path, &options.set, registry)?));
+        cards.push((card, picture));
+        if !names.insert(name.clone()) {
+            return Err(other(format!("two graphs are called `{name}`: give one of the files another name")));
+        }
     }
     let contents = Contents { graphs, cards, pages: &PAGES_OF_GRAPHS, docs: options.docs.as_deref() };
     write_site(&contents, &options.folder, modules)
@@ -191,12 +192,13 @@ fn fill(
     let mut listed = listing(&contents.graphs, is_study, all, root);
     if !is_study {
         for (card, picture) in &contents.cards {
-            site.write(Path::new(&gallery::picture_path(&card.name)), picture.as_bytes())?;
+            let place = Path::new(card["picture"].as_str().unwrap_or_default());
+            site.write(place, picture.as_bytes())?;
         }
         let names = contents.graphs.iter().map(|graph| (in_site(&graph.path, root), graph.name.clone()));
         let docs = contents.docs.map(|folder| docs::write(site, folder, &names.collect()));
-        let cards = contents.cards.iter().map(|(card, _)| card);
-        let gallery = gallery::listing(cards, &docs.transpose()?.unwrap_or_default());
+        let cards: Vec<&Value> = contents.cards.iter().map(|(card, _)| card).collect();
+        let gallery = json!({ "cards": cards, "docs": docs.transpose()?.unwrap_or_default() });
         site.write(Path::new(gallery::LISTING), format!("{gallery:#}\n").as_bytes())?;
         // Another export has another worker, which browsers then fetch.
         let version = hash(json!(site.sha256).to_string().as_bytes());
@@ -278,28 +280,21 @@ pub(super) fn hash(bytes: &[u8]) -> String {
     files::hex(&Sha256::digest(bytes))
 }
 
-/// Opens a graph as a page does.
-pub(super) fn open(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Stage, StudioError> {
-    let source = Source::new(plain(path)?, registry, set.to_vec());
-    Ok(Stage::open(source, page::HOST)?)
-}
-
-/// Collects the files that a graph needs in a page.
-fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<SiteGraph, StudioError> {
-    let stage = open(path, set, registry)?;
+/// Opens a graph as the page does, and collects the files that it needs there.
+fn take(source: Source) -> Result<SiteGraph, StudioError> {
+    let stage = Stage::open(source, page::HOST)?;
     let graph = &stage.loaded.graph;
     let plain =
         |paths: Vec<PathBuf>| paths.iter().map(|path| plain(path)).collect::<Result<BTreeSet<_>, _>>();
     let files = plain(gallery::needed(graph).collect())?;
     let beside = plain(gallery::beside(stage.source.folder()).collect())?;
     let beside = beside.difference(&files).cloned().collect();
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(SiteGraph {
-        name,
+        name: stage.source.name(),
         about: graph.about().to_owned(),
         rate_hz: stage.signals.sound.as_ref().map_or(stage.signals.rate_hz, |sound| sound.rate_hz),
         path: stage.source.path.clone(),
-        set: set.to_vec(),
+        set: stage.source.set.clone(),
         files,
         beside,
     })
@@ -415,15 +410,10 @@ fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
 /// A page of a site: its file, the file that it is made of, and the tags that tell where its engine is.
 type SitePage = (&'static str, &'static str, &'static str);
 const SITE_TAG: &str = "<meta name=\"haptograph-site\" content=\"site.json\">";
-const OFFLINE: &str = "<script type=\"module\" src=\"offline.js\"></script>";
-const PAGES_OF_GRAPHS: [SitePage; 2] = [
-    ("index.html", "gallery.html", OFFLINE),
-    (
-        "studio.html",
-        "index.html",
-        "<meta name=\"haptograph-site\" content=\"site.json\"><script type=\"module\" src=\"offline.js\"></script>",
-    ),
-];
+/// The same, and the script that keeps the site for use without a network.
+const TAGS: &str = "<meta name=\"haptograph-site\" content=\"site.json\"><script type=\"module\" src=\"offline.js\"></script>";
+const PAGES_OF_GRAPHS: [SitePage; 2] =
+    [("index.html", "gallery.html", TAGS), ("studio.html", "index.html", TAGS)];
 const PAGES_OF_STUDY: [SitePage; 2] = [
     ("index.html", "experimenter.html", SITE_TAG),
     ("participant.html", "participant.html", "<meta name=\"haptograph-opener\">"),

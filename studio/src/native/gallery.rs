@@ -1,23 +1,24 @@
 //! The gallery: a card and a picture of each graph, and the choice of the one that runs.
 
-use super::export::{open, plain};
 use super::lock;
 use super::server::{Options, StudioError, set_up};
 use crate::describe;
 use crate::load::{Copies, Source};
+use crate::page::HOST;
 use crate::stage::Stage;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{Graph, check};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{FileSinks, Probe, Session, SessionOptions};
 use haptograph_report::figures;
+use haptograph_report::plot::Plot;
 use haptograph_report::plotted::PlottedSignals;
 use haptograph_report::theme::Ink;
+use haptograph_signal::files::list;
 use haptograph_surfaces::files::load;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, OnceLock};
 
 /// The file that lists the cards.
 pub(super) const LISTING: &str = "gallery.json";
@@ -30,7 +31,7 @@ const FIRST: &str = "texturepad";
 /// The graphs of a folder and of its cookbook: those of the folder first, with the TexturePad in front.
 pub fn shipped(folder: &Path) -> Vec<PathBuf> {
     let all = [folder.to_owned(), folder.join("cookbook")].into_iter().flat_map(|folder| {
-        let mut paths = haptograph_signal::files::list(&folder);
+        let mut paths = list(&folder);
         paths.retain(|path| path.extension().is_some_and(|ending| ending == "ron"));
         paths.sort_by_key(|path| (!path.ends_with(format!("{FIRST}.ron")), path.clone()));
         paths
@@ -39,74 +40,36 @@ pub fn shipped(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// What the gallery says of a graph.
-#[derive(Debug, Clone)]
-pub(super) struct Card {
-    pub name: String,
-    about: String,
-    /// Name of the folder that holds the graph.
-    folder: String,
-    /// Why no studio runs it.
-    pub why: Option<String>,
-}
-
-impl Card {
-    pub(super) fn of(
-        path: &Path,
-        set: &[(String, String)],
-        registry: &Registry,
-    ) -> Result<Self, StudioError> {
-        let text = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
-        let folder = plain(path)?.parent().and_then(Path::file_name).map(ToOwned::to_owned);
-        let about = checked(path, set, registry)?.about().to_owned();
-        Ok(Self { name: text(path.file_stem()), about, folder: text(folder.as_deref()), why: None })
-    }
-}
-
-/// The cards and the pages of the documentation as a page reads them.
-pub(super) fn listing<'a>(cards: impl Iterator<Item = &'a Card>, docs: &[String]) -> Value {
-    let card = |card: &Card| {
-        json!({
-            "name": card.name, "about": card.about, "folder": card.folder, "why": card.why,
-            "picture": picture_path(&card.name),
-        })
-    };
-    json!({ "docs": docs, "cards": cards.map(card).collect::<Vec<_>>() })
-}
-
-/// The address of a picture.
-pub(super) fn picture_path(name: &str) -> String {
-    format!("pictures/{name}.svg")
+pub(super) fn card(source: &Source) -> Result<Value, StudioError> {
+    let folder = source.folder().file_name().unwrap_or_default().to_string_lossy();
+    let (name, about) = (source.name(), checked(source)?.about().to_owned());
+    let picture = format!("pictures/{name}.svg");
+    Ok(json!({ "name": name, "about": about, "folder": folder, "picture": picture, "why": null }))
 }
 
 /// The graph of a file with simulated devices.
-fn checked(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Graph, StudioError> {
-    let document = Document::load(path, &LoadOptions::default()).map_err(StudioError::Graph)?;
-    let source = Source::new(path.to_owned(), registry, set.to_vec());
-    check(&document, registry, &source.options(&document)).map_err(StudioError::Graph)
+fn checked(source: &Source) -> Result<Graph, StudioError> {
+    let document = Document::load(&source.path, &LoadOptions::default()).map_err(StudioError::Graph)?;
+    check(&document, &source.registry, &source.options(&document)).map_err(StudioError::Graph)
 }
 
 /// What the first actuator of a graph does in the first seconds, or else what the first plot shows, as SVG.
-pub(super) fn picture(
-    path: &Path,
-    set: &[(String, String)],
-    registry: &Registry,
-) -> Result<String, StudioError> {
-    let graph = checked(path, set, registry)?;
+pub(super) fn picture(source: &Source) -> Result<String, StudioError> {
+    let graph = checked(source)?;
     let mut sinks = FileSinks::new(&graph);
     let plotted = PlottedSignals::of(&graph, |watch, writer| {
         sinks.probe(Probe { node: watch.node, output: watch.output, writer });
     });
     Session::run_offline(sinks, &SessionOptions::default().seconds(SHOWN_S), &mut |_| ())
-        .map_err(|error| StudioError::Other(format!("{}: {error}", path.display())))?;
-    let actuator = graph.nodes().iter().find(|node| node.entry.is_actuator());
-    let delivered = actuator.map(|node| format!("{}.", node.path));
-    let requested = plotted.plots().first().map(|(request, _)| request.signals[0].stream.name.clone());
-    let wanted = delivered.or(requested).unwrap_or_default();
+        .map_err(|error| StudioError::Other(format!("{}: {error}", source.path.display())))?;
+    let delivered = graph.nodes().iter().find(|node| node.entry.is_actuator()).map(|node| node.path.clone() + ".");
+    let requested =
+        || plotted.plots().iter().find_map(|(request, _)| Some(request.signals.first()?.stream.name.clone()));
+    let wanted = delivered.or_else(requested).unwrap_or_default();
     let mut signals = plotted.signals();
     signals.sort_by_key(|signal| !signal.stream.name.starts_with(&wanted));
     let plot = signals.iter().find_map(|signal| figures::over_time(signal, Ink::Blue).into_iter().next());
-    let plot = plot.map(|plot| haptograph_report::plot::Plot { size: SIZE, ..plot });
-    Ok(plot.unwrap_or_default().to_standalone_svg())
+    Ok(Plot { size: SIZE, ..plot.unwrap_or_default() }.to_standalone_svg())
 }
 
 /// The files that a graph needs: its own, and those that its nodes name.
@@ -121,14 +84,12 @@ pub(super) fn beside(folder: &Path) -> impl Iterator<Item = PathBuf> {
     describe::surface_files(folder).into_iter().filter(|path| load(path).is_ok())
 }
 
-/// The graphs that a studio offers, and the pictures drawn so far.
+/// The graphs that a studio offers.
 pub(super) struct Gallery {
-    graphs: Vec<PathBuf>,
+    graphs: Vec<Source>,
     options: Options,
-    registry: Registry,
     copies: Copies,
     cards: OnceLock<Value>,
-    pictures: Mutex<BTreeMap<String, String>>,
 }
 
 impl Gallery {
@@ -138,17 +99,16 @@ impl Gallery {
         registry: &Registry,
         copies: Copies,
     ) -> Result<(Self, Stage), StudioError> {
-        let (cards, pictures) = <_>::default();
-        let graphs = shipped(&copies.from);
-        let first = graphs.first().cloned().unwrap_or_default();
-        let (options, registry) = (options.clone(), registry.clone());
-        let gallery = Self { graphs, options, registry, copies, cards, pictures };
-        let stage = gallery.stage(first)?;
+        let source = |path| Source::new(path, registry, Vec::new());
+        let graphs: Vec<Source> = shipped(&copies.from).into_iter().map(source).collect();
+        let gallery = Self { graphs, options: options.clone(), copies, cards: OnceLock::new() };
+        let none = || StudioError::Other(format!("{} holds no graph", gallery.copies.from.display()));
+        let stage = gallery.stage(gallery.graphs.first().ok_or_else(none)?)?;
         Ok((gallery, stage))
     }
 
-    fn stage(&self, graph: PathBuf) -> Result<Stage, StudioError> {
-        let mut stage = set_up(&Options { graph, ..self.options.clone() }, &self.registry)?;
+    fn stage(&self, Source { path, registry, .. }: &Source) -> Result<Stage, StudioError> {
+        let mut stage = set_up(&Options { graph: path.clone(), ..self.options.clone() }, registry)?;
         stage.source.copies = Some(self.copies.clone());
         Ok(stage)
     }
@@ -156,44 +116,37 @@ impl Gallery {
     /// The cards of all graphs, with the reason for each that cannot run here.
     pub(super) fn listing(&self) -> &Value {
         self.cards.get_or_init(|| {
-            let card = |path: &PathBuf| {
-                let why = open(path, &[], &self.registry).err().map(|error| error.to_string());
-                Some(Card { why, ..Card::of(path, &[], &self.registry).ok()? })
+            let card = |source: &Source| {
+                let mut card = card(source).ok()?;
+                card["why"] = Stage::open(source.clone(), HOST).err().map(|error| error.to_string()).into();
+                Some(card)
             };
-            let cards: Vec<Card> = self.graphs.iter().filter_map(card).collect();
-            listing(cards.iter(), &[])
+            json!({ "cards": self.graphs.iter().filter_map(card).collect::<Vec<_>>(), "docs": [] })
         })
     }
 
-    fn path(&self, name: &str) -> Option<&PathBuf> {
-        self.graphs.iter().find(|path| path.file_stem().is_some_and(|stem| stem == name))
+    fn graph(&self, name: &str) -> Option<&Source> {
+        self.graphs.iter().find(|source| source.name() == name)
     }
 
     /// The picture of a graph.
     pub(super) fn picture(&self, name: &str) -> Option<String> {
-        let path = self.path(name)?;
-        let mut pictures = self.pictures.lock().unwrap_or_else(PoisonError::into_inner);
-        if !pictures.contains_key(name) {
-            pictures.insert(name.to_owned(), picture(path, &[], &self.registry).ok()?);
-        }
-        pictures.get(name).cloned()
+        picture(self.graph(name)?).ok()
     }
 
     /// Runs another graph, unless an actuator is armed. Its pages reconnect; after a STOP it waits to be resumed, too.
     pub(super) fn choose(&self, stage: &Mutex<Stage>, name: &str) -> Result<(), StudioError> {
         let missing = || StudioError::Other(format!("there is no graph `{name}` in the gallery"));
-        let path = self.path(name).ok_or_else(missing)?;
+        let graph = self.graph(name).ok_or_else(missing)?;
         let is_armed = || {
             let running = lock(stage);
-            match running.devices.switch.is_armed() {
-                true => Err(StudioError::Other("an actuator is armed: disarm it first".to_owned())),
-                false => Ok(running),
-            }
+            let armed = || StudioError::Other("an actuator is armed: disarm it first".to_owned());
+            if running.devices.switch.is_armed() { Err(armed()) } else { Ok(running) }
         };
-        if is_armed()?.source.path == *path {
+        if is_armed()?.source.path == graph.path {
             return Ok(());
         }
-        let mut next = self.stage(path.clone())?;
+        let mut next = self.stage(graph)?;
         let mut running = is_armed()?;
         if running.refuse_after_stop("begin").is_err() {
             next.halt();
@@ -201,8 +154,7 @@ impl Gallery {
         // Messages of pages that are still leaving reach nobody.
         next.pages.next = running.pages.next;
         let before = std::mem::replace(&mut *running, next);
-        drop(running);
-        drop(before);
+        drop((running, before));
         Ok(())
     }
 }
