@@ -55,6 +55,7 @@ use failure::{ErrorForm, refuse_usage};
 pub(crate) use failure::{Failure, print, print_json};
 use std::collections::HashSet;
 use std::ffi::OsString;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 pub(crate) use stderr::eprint;
@@ -79,6 +80,14 @@ pub fn main(registry: &Registry) -> ExitCode {
     }
     panic_hook::install();
     interrupt::listen();
+    // A person at a terminal gets the gallery; a script does not wait for one.
+    let is_person = std::io::stdin().is_terminal() && std::io::stdout().is_terminal();
+    if is_person && std::env::args_os().len() == 1 {
+        let code = studio::gallery(registry)
+            .map_or_else(|failure| failure.report(ErrorForm::Text), |()| ExitCode::SUCCESS);
+        stderr::flush();
+        return code;
+    }
     let matches = program()
         .try_get_matches_from(with_plain_help(std::env::args_os().collect()))
         .unwrap_or_else(|error| refuse_usage(&error));
@@ -125,8 +134,13 @@ fn listed(examples: &[&str]) -> String {
 }
 
 /// Examples at the end of `haptograph --help`.
-const FIRST_STEPS: &[&str] =
-    &["run graphs/texturepad.ron --open", "new my-graph.ron", "check my-graph.ron", "nodes --find filter"];
+const FIRST_STEPS: &[&str] = &[
+    "studio",
+    "run graphs/texturepad.ron --open",
+    "new my-graph.ron",
+    "check my-graph.ron",
+    "nodes --find filter",
+];
 
 /// Rewrites `help --help` to `help` and `help run --help` to `help run`.
 fn with_plain_help(mut arguments: Vec<OsString>) -> Vec<OsString> {

@@ -1,8 +1,10 @@
 //! The program as its users run it.
 
 use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn haptograph(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
@@ -729,4 +731,32 @@ fn a_study_is_simulated_and_analysed_to_known_numbers() {
     for name in ["abx.csv", "analysis.R", "analysis.html"] {
         assert!(analysis.join(name).is_file(), "{name}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_script_gets_the_help_and_a_person_the_gallery() {
+    use std::io::{BufRead, BufReader};
+    let folder = tempfile::tempdir().unwrap();
+    assert!(fail(folder.path(), &[], 2).contains("Usage"));
+    fail(folder.path(), &["studio", "--set", "gain=1"], 2);
+    fail(folder.path(), &["studio", "--live"], 1);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
+    command
+        .args(["studio", "--no-open"])
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped());
+    let mut studio = command.spawn().unwrap();
+    let lines = BufReader::new(studio.stdout.take().unwrap()).lines().map_while(Result::ok);
+    let address = { lines }.find_map(|line| line.trim().strip_prefix("http://").map(str::to_owned)).unwrap();
+    let (host, path) = address.split_once('/').unwrap();
+    let mut stream = TcpStream::connect(host).unwrap();
+    write!(stream, "GET /{path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut page = String::new();
+    let _ = stream.read_to_string(&mut page);
+    Command::new("kill").args(["-INT", &studio.id().to_string()]).status().unwrap();
+    assert!(studio.wait().unwrap().success());
+    assert!(page.contains("gallery.js"), "{page}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -6,8 +6,10 @@ use super::run::{present, stop_on_interrupt};
 use super::{Failure, eprint, print, refuse_repeated};
 use crate::engine::registry::Registry;
 use crate::live::guard;
+use clap::{Args, FromArgMatches};
 use confirmation::Confirmation;
-use haptograph_studio::{Export, Exported, Options, Studio, StudioError, export, lan_address};
+use haptograph_studio::{Export, Exported, Options, Studio, StudioError, export, lan_address, shipped};
+use include_dir::{Dir, include_dir};
 use qrcode::render::unicode::Dense1x2;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
@@ -17,16 +19,18 @@ use std::{io, process};
 
 /// Open a web page to stroke, hear, see and change a graph while it runs
 ///
+/// Without a graph it opens a gallery of the graphs that this program carries. They stay as they are: what is
+/// saved or learned there goes to the folder `haptograph-graphs`.
+///
 /// Pointers on the page replace the graph's tablets. All other endpoints are simulated, so that nothing real
 /// moves, unless --live or --endpoints names another set: then its actuators are opened, and receive zeros
 /// until they are armed on the page. The page plays the signal of the first actuator, after its limits.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// The graph file; several for a site (--export)
-    #[arg(required = true)]
+    /// The graph file; several for a site (--export). Default: those of the gallery
     graph: Vec<PathBuf>,
     /// Override a parameter of the graph; can be repeated
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = super::assignment)]
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = super::assignment, requires = "graph")]
     set: Vec<(String, String)>,
     #[command(flatten)]
     pages: Pages,
@@ -37,6 +41,36 @@ pub(super) struct Arguments {
     /// Write the page as a static site that includes the engine, for any web server
     #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan", "live", "endpoints"])]
     export: Option<PathBuf>,
+    /// Show the Markdown files of this folder, and the README.md beside it, on the site, too
+    #[arg(long, value_name = "DIR", requires = "export")]
+    docs: Option<PathBuf>,
+}
+
+/// The graphs that the program carries, and the folder that gets copies of what is saved.
+static GRAPHS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/graphs");
+const SAVED: &str = "haptograph-graphs";
+
+/// A temporary folder with the graphs that the program carries.
+struct Carried {
+    path: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Carried {
+    fn unpack() -> Result<Self, Failure> {
+        let failed =
+            |error: io::Error| Failure::Message(format!("cannot unpack the graphs of the gallery: {error}"));
+        let folder = tempfile::Builder::new().prefix("haptograph-gallery-").tempdir().map_err(failed)?;
+        GRAPHS.extract(folder.path()).map_err(failed)?;
+        Ok(Self { path: folder.path().canonicalize().map_err(failed)?, _folder: folder })
+    }
+}
+
+/// Opens the gallery, as `haptograph studio` does.
+pub(super) fn gallery(registry: &Registry) -> Result<(), Failure> {
+    let program = Arguments::augment_args(clap::Command::new("studio"));
+    let arguments = Arguments::from_arg_matches(&program.get_matches_from(["studio"]));
+    run(&arguments.map_err(Failure::message)?, registry)
 }
 
 /// How pages are served, and what moves behind them.
@@ -81,12 +115,19 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
     if let Some(folder) = &arguments.export {
         return write_site(arguments, folder, registry);
     }
-    let [graph] = arguments.graph.as_slice() else {
-        let why = "a studio runs one graph; several are for a site (--export)";
-        return Err(Failure::Message(why.to_owned()));
+    let refused = |why: &str| Err(Failure::Message(why.to_owned()));
+    let carried = match arguments.graph.as_slice() {
+        [] if arguments.pages.endpoints().is_some() => {
+            return refused(
+                "the gallery runs simulated devices only; give the graph whose devices are to be opened",
+            );
+        }
+        [] => Some(Carried::unpack()?),
+        [_] => None,
+        _ => return refused("a studio runs one graph; several are for a site (--export)"),
     };
     let options = Options {
-        graph: graph.clone(),
+        graph: carried.as_ref().map_or_else(|| arguments.graph[0].clone(), |carried| carried.path.clone()),
         set: arguments.set.clone(),
         endpoints: arguments.pages.endpoints(),
         port: arguments.pages.port,
@@ -95,7 +136,14 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
         lan: arguments.pages.lan()?,
         learner: Some(learner),
     };
-    let studio = Studio::open(&options, registry).map_err(failure)?;
+    let studio = match carried {
+        Some(_) => {
+            let saved = std::path::absolute(SAVED).map_err(Failure::message)?;
+            Studio::open_gallery(&options, registry, saved)
+        }
+        None => Studio::open(&options, registry),
+    };
+    let studio = studio.map_err(failure)?;
     let stop = stop_on_interrupt()?;
     let moves = match studio.driven() {
         driven if driven.is_empty() => "nothing real moves (simulated devices)".to_owned(),
@@ -160,8 +208,14 @@ pub(super) fn failure(error: StudioError) -> Failure {
 }
 
 fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
-    let options =
-        Export { graphs: arguments.graph.clone(), set: arguments.set.clone(), folder: folder.to_owned() };
+    let carried = if arguments.graph.is_empty() { Some(Carried::unpack()?) } else { None };
+    let options = Export {
+        graphs: carried.as_ref().map_or_else(|| arguments.graph.clone(), |carried| shipped(&carried.path)),
+        set: arguments.set.clone(),
+        folder: folder.to_owned(),
+        docs: arguments.docs.clone(),
+        shows_all: carried.is_some(),
+    };
     say_exported(export(&options, registry).map_err(failure)?, folder)
 }
 

@@ -1,12 +1,12 @@
 // The studio: the latest messages of the engine, the requests that the page may send, and its panels.
 import { mountArming } from "./arming.js";
 import { Assignments } from "./assign.js";
+import { cards, galleryAddress, studioOf } from "./cards.js";
 import { Motion } from "./choices.js";
 import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
 import { mountControls } from "./controls.js";
 import { find, make, setText, takesText } from "./dom.js";
-import { mountEditor } from "./editor.js";
 import { Emitter } from "./events.js";
 import { mountGraph } from "./graph.js";
 import { mountPadInputs } from "./inputs.js";
@@ -239,20 +239,38 @@ function mountStop(studio) {
     });
 }
 
-// A site may have several graphs; each has its own address.
-async function mountGraphChoice({ connection: { engine } }) {
-    const graphs = (await engine?.graphs().catch(() => [])) ?? [];
+// A site, or a studio that was opened without a graph, has several; each has its own address.
+async function mountGraphChoice(studio) {
+    const listed = await cards().catch(() => ({ cards: [] }));
+    const graphs = listed.cards.filter(({ why }) => !why);
     if (graphs.length < 2) return;
-    const address = new URL(location.href);
+    const choice = find("graph-choice");
     const options = graphs.map(({ name, about }) => make("option", { value: name, text: name, title: about }));
-    find("graph-choice").replaceChildren(...options);
-    find("graph-choice").value = address.searchParams.get("graph") ?? graphs[0].name;
+    choice.replaceChildren(...options, make("hr"), make("option", { value: "", text: "All graphs…" }));
+    const show = ({ name }) => (choice.value = name);
+    if (studio.graph) show(studio.graph);
+    studio.on("graph", show);
+    find("home").href = galleryAddress();
+    find("home").title = "All graphs";
     find("name").hidden = true;
-    find("graph-choice").hidden = false;
-    find("graph-choice").addEventListener("change", ({ target }) => {
-        address.searchParams.set("graph", target.value);
-        location.href = address.href;
+    choice.hidden = false;
+    choice.addEventListener("change", () => (location.href = choice.value ? studioOf(choice.value) : galleryAddress()));
+}
+
+// The editor is large. In a site it is loaded when it is shown, or when another program changes the file; a server is near.
+function mountEditorLater(studio) {
+    let loaded = null;
+    studio.loadEditor = () => (loaded ??= import("./editor.js").then(({ mountEditor }) => mountEditor(studio)));
+    studio.on("tab", (name) => {
+        if (name === "editor") studio.loadEditor();
+        if (name === "surfaces" || name === "controls") studio.connection.loadSurfaces();
     });
+    studio.connection.on("disk", async (message) => {
+        if (studio.editor) return;
+        await studio.loadEditor();
+        studio.connection.emit("disk", message);
+    });
+    if (!studio.connection.engine) studio.loadEditor();
 }
 
 // A unit as it is printed: "m/s2" as m/s², empty for a plain number.
@@ -264,6 +282,7 @@ const printed = (unit) =>
           );
 
 const studio = new Studio();
+document.documentElement.classList.toggle("embedded", new URLSearchParams(location.search).has("embed"));
 studio.showTab = studio.say = studio.silence = () => {}; // `silence` ends what is listened to
 mountTabs(studio);
 studio.sound = new Sound(studio);
@@ -274,7 +293,7 @@ mountScopes(studio);
 mountViews(studio);
 mountGraph(studio);
 mountControls(studio);
-mountEditor(studio);
+mountEditorLater(studio);
 mountSurfaces(studio);
 mountCompare(studio);
 mountRecorder(studio);

@@ -89,6 +89,11 @@ export class Connection extends Emitter {
         this.#worker.postMessage({ what: "stroke", how });
     }
 
+    // In a site further surfaces are loaded when somebody looks for one.
+    loadSurfaces() {
+        if (this.engine) this.#worker.postMessage({ what: "surfaces" });
+    }
+
     // A STOP is kept until the engine confirms it or a page resumes; all other messages are dropped without a
     // connection.
     send(message) {

@@ -18,12 +18,14 @@ export function mountEditor(studio) {
     find("editor-apply").addEventListener("click", act.apply);
     find("editor-save").addEventListener("click", act.save);
     find("editor-revert").addEventListener("click", () => replace(state, state.engine ?? ""));
-    studio.on("graph", (graph) => {
+    const take = (graph) => {
         const untouched = state.engine === null || textOf(state) === state.engine;
         [state.engine, state.saved] = [graph.text, graph.saved];
         if (untouched && textOf(state) !== graph.text) replace(state, graph.text, false);
         show(studio, state);
-    });
+    };
+    studio.on("graph", take);
+    if (studio.graph) take(studio.graph);
     followDisk(studio, state, act);
     studio.editor = state.view;
     studio.edits = editsOf(studio, state);

@@ -2,7 +2,7 @@
 // the playing engine loads only valid graphs.
 import { Module } from "./module.js";
 
-const CHECKED = new Set(["check", "apply", "parameter", "listen"]);
+const CHECKED = new Set(["check", "apply", "parameter"]);
 const EDIT_WAITS_MS = 500;
 const LEARNS_AT_MOST_MS = 600_000;
 const encoder = new TextEncoder();
@@ -10,13 +10,16 @@ const decoder = new TextDecoder();
 
 export class EngineLink {
     #port;
-    #wasm;
     #checker = new Promise(() => {});
     #learning = null; // the request and the end of what is learned
+    #later; // addresses: { whole, surfaces }
+    #begun; // what a further engine begins with: { files, opened }
+    #added = []; // surfaces since then
 
-    constructor({ port, wasm, files, opened }) {
+    constructor({ port, wasm, files, opened, later }) {
         this.#port = port;
-        this.#wasm = wasm;
+        this.#later = later;
+        this.#begun = { files, opened };
         this.readyState = WebSocket.OPEN;
         this.bufferedAmount = 0;
         this.onmessage = this.onclose = () => {};
@@ -34,14 +37,15 @@ export class EngineLink {
     send(message) {
         if (typeof message !== "string") return this.#port.postMessage({ bytes: message, text: false }, [message]);
         const read = JSON.parse(message);
-        if (read.type === "learn") this.#learn(read);
+        if (read.type === "learn" || read.type === "listen") this.#learn(read);
         else if (read.type === "cancel") this.#cancel(read);
         else if (CHECKED.has(read.type)) this.#check(message);
         else this.#forward(message);
     }
 
     // In a worker of its own, so that neither the page nor the sound waits.
-    async #learn({ request, name, csv, mapping = {}, reads = false }) {
+    async #learn(read) {
+        const { request, name, csv, mapping = {}, reads = false } = read;
         const reply = (more) => {
             const whole = { type: "reply", request, ok: false, error: null, diagnostics: [], change: null, ...more };
             this.onmessage({ data: JSON.stringify(whole) });
@@ -49,18 +53,41 @@ export class EngineLink {
         if (this.#learning) return reply({ error: "another recording is being learned; retry when it is done" });
         this.#learning = { request, end: () => {} };
         try {
-            const learned = await learnBeside(this.#wasm, { name, csv, mapping, reads }, (end) => (this.#learning.end = end));
+            const whole = await bytesOf(this.#later.whole);
+            const listens = read.type === "listen" && { ...this.#begun, surfaces: this.#added, message: encoder.encode(JSON.stringify({ ...read, csv: "" })) };
+            const learned = await learnBeside(whole, { name, csv, mapping, reads, listens }, (end) => (this.#learning.end = end));
+            if (listens) return this.onmessage({ data: JSON.stringify(learned) });
             if (reads) return reply({ ok: true, read: learned });
             const surface = { name: encoder.encode(learned.name), text: encoder.encode(learned.surface) };
             const path = (await this.#checker).addSurface(surface);
             if (!path) throw new Error("a thousand surfaces with this name exist; reload the page");
-            this.#port.postMessage({ surface, edits: true });
-            this.#flushLater();
+            this.#addToEngine(surface);
             reply({ ok: true, change: decoder.decode(path), learned });
         } catch (error) {
             reply({ error: error instanceof Uint8Array ? decoder.decode(error) : (error.message ?? String(error)) });
         } finally {
             this.#learning = null;
+        }
+    }
+
+    #addToEngine(surface) {
+        this.#added.push(surface);
+        this.#port.postMessage({ surface, edits: true });
+        this.#flushLater();
+    }
+
+    // Loads the surfaces beside the graph's own, once.
+    async loadSurfaces() {
+        const addresses = this.#later?.surfaces.splice(0) ?? [];
+        for (const address of addresses) {
+            try {
+                const name = decodeURIComponent(address.split("/").at(-1)).replace(/\.ron$/, "");
+                const surface = { name: encoder.encode(name), text: await bytesOf(address) };
+                (await this.#checker).addSurface(surface);
+                this.#addToEngine(surface);
+            } catch {
+                this.#later.surfaces.push(address); // the next time it may be there
+            }
         }
     }
 
@@ -71,11 +98,7 @@ export class EngineLink {
     async #check(message) {
         const begun_ms = performance.now();
         try {
-            const checker = await this.#checker;
-            const { type, name, csv, ...more } = JSON.parse(message);
-            // The recording is a file of that engine.
-            if (type === "listen") checker.put({ path: encoder.encode(name), bytes: encoder.encode(csv) });
-            const answer = checker.check(encoder.encode(type === "listen" ? JSON.stringify({ type, name, csv: "", ...more }) : message));
+            const answer = (await this.#checker).check(encoder.encode(message));
             if (!answer) return this.#forward(message, true);
             const reply = { ...JSON.parse(decoder.decode(answer)), ms: performance.now() - begun_ms };
             this.onmessage({ data: JSON.stringify(reply) });
@@ -120,8 +143,14 @@ export class EngineLink {
     }
 }
 
+async function bytesOf(address) {
+    const response = await fetch(address);
+    if (!response.ok) throw new Error(`${address}: ${response.status} ${response.statusText}`);
+    return new Uint8Array(await response.arrayBuffer());
+}
+
 // `begun` gets the function that ends it with a reason.
-function learnBeside(wasm, { name, csv, mapping, reads }, begun) {
+function learnBeside(wasm, { name, csv, mapping, reads, listens }, begun) {
     return new Promise((done, failed) => {
         const worker = new Worker(new URL("learn-worker.js", import.meta.url), { type: "module" });
         worker.onmessage = ({ data: { learned, error } }) => (learned ? done(learned) : failed(new Error(error)));
@@ -134,6 +163,6 @@ function learnBeside(wasm, { name, csv, mapping, reads }, begun) {
         setTimeout(end, LEARNS_AT_MOST_MS, `took more than ${LEARNS_AT_MOST_MS / 60_000} minutes`);
         const bytes = encoder.encode(csv);
         const recording = { path: encoder.encode(name), bytes, mapping: encoder.encode(JSON.stringify(mapping)) };
-        worker.postMessage({ wasm, recording, reads }, [bytes.buffer]);
+        worker.postMessage({ wasm, recording, reads, listens }, [bytes.buffer]);
     });
 }

@@ -41,16 +41,10 @@ export class PageEngine {
         return this.context.resume();
     }
 
-    // The graphs of the site.
-    async graphs() {
-        return (await this.#load()).graphs;
-    }
-
     // A new engine for the graph in the address, or for the first graph.
     async open() {
-        const { graphs, study, files: shipped, wasm } = await this.#load();
-        const wanted = new URLSearchParams(location.search).get("graph");
-        const { path, set, rate_hz } = study ?? graphs.find(({ name }) => name === wanted) ?? graphs[0];
+        const { study, shown, shipped, wasm, later } = await this.#load();
+        const { path, set, rate_hz } = shown;
         if (study) this.store ??= await StudyStore.open(this.address.pathname);
         const encoder = new TextEncoder();
         await this.#keeping; // what is being written is read
@@ -71,7 +65,7 @@ export class PageEngine {
         this.node.connect(silent).connect(this.context.destination);
         if (this.store) this.node.port.onmessage = ({ data }) => data.keep && this.#keep(data);
         const port = this.#linked(0);
-        return study ? { port } : { port, wasm, files, opened };
+        return study ? { port } : { port, wasm, files, opened, later };
     }
 
     // The files of a study's data.
@@ -136,12 +130,21 @@ export class PageEngine {
             return response;
         };
         const bytes = async (path) => new Uint8Array(await (await get(path)).arrayBuffer());
-        const site = await (await get(this.address)).json();
+        const { graphs, study, engine, whole } = await (await get(this.address)).json();
+        const wanted = new URLSearchParams(location.search).get("graph");
+        // Of the others nothing is loaded.
+        const shown = study ?? graphs.find(({ name }) => name === wanted) ?? graphs[0];
+        // A preset in the address may name any.
+        if (location.hash.length > 1) shown.files.push(...(shown.beside?.splice(0) ?? []));
         const encoder = new TextEncoder();
-        const files = site.files.map(async (path) => ({
-            path: encoder.encode(path),
-            bytes: await bytes(`files/${path.split("/").map(encodeURIComponent).join("/")}`),
-        }));
-        return { ...site, files: await Promise.all(files), wasm: await bytes(site.engine) };
+        const placeOf = (path) => `files/${path.split("/").map(encodeURIComponent).join("/")}`;
+        const shipped = shown.files.map(async (path) => ({ path: encoder.encode(path), bytes: await bytes(placeOf(path)) }));
+        // What can wait until somebody wants it: further surfaces, and the module that learns.
+        const later = {
+            whole: new URL(whole, this.address).href,
+            surfaces: (shown.beside ?? []).map((path) => new URL(placeOf(path), this.address).href),
+        };
+        const [wasm, ...read] = await Promise.all([bytes(engine), ...shipped]);
+        return { study, shown, shipped: read, wasm, later };
     }
 }

@@ -65,6 +65,17 @@ export class Module {
         return this.#message();
     }
 
+    // The answer to a message that asks to listen to a recording beside surfaces of a graph, which begins as in an engine that checks
+    // edits.
+    listen(recording, { files, opened, surfaces, message }) {
+        for (const file of [...files, recording]) this.put(file);
+        this.openChecker(opened);
+        for (const surface of surfaces) this.addSurface(surface);
+        this.#fill(message);
+        if (!this.#calls.haptograph_listen()) throw new Error("the engine does not know this message");
+        return this.#message();
+    }
+
     // Puts a new surface beside the graph's others, { name, text }; returns its path as a parameter. For a module that
     // checks edits. Null if the surface cannot be named.
     addSurface({ name, text }) {

@@ -25,6 +25,7 @@ const hear = {
     player: ({ port }) => (player = port),
     stroke: ({ how }) => guide(how),
     graph: ({ number }) => (graph = number),
+    surfaces: () => socket?.loadSurfaces?.(),
 };
 onmessage = ({ data }) => hear[data.what]?.(data);
 

@@ -22,6 +22,7 @@ export function mountTabs(studio) {
         find("tools-panel").classList.toggle("shown", tool);
         for (const [list] of lists) mark(list, name);
         kept.set("tab", name);
+        studio.emit("tab", name);
     };
     for (const [list, names] of lists) fill(list, names, show);
     studio.showTab = show;

@@ -171,7 +171,7 @@ fn shown(stage: &Stage) -> Value {
     });
     json!({
         "type": "graph", "number": stage.signals.graph,
-        "name": name, "about": graph.about(), "path": stage.source.path.display().to_string(),
+        "name": name, "about": graph.about(), "path": stage.source.saved().display().to_string(),
         "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
         "drawing": drawing::standalone_svg(graph, &name),
         "overview": drawing::overview_svg(graph, &name),

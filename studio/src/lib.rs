@@ -47,5 +47,5 @@ pub use record::{APPENDED, recover};
 
 #[cfg(not(target_family = "wasm"))]
 pub use native::{
-    Export, Exported, Learner, Options, Studio, StudioError, export, export_study, lan_address,
+    Export, Exported, Learner, Options, Studio, StudioError, export, export_study, lan_address, shipped,
 };

@@ -27,6 +27,22 @@ pub(crate) struct Source {
     pub surfaces: Vec<PathBuf>,
     /// Folders whose files a text may name; `None` if only the user writes the text.
     pub roots: Option<Arc<Roots>>,
+    /// Where a changed text is written, if not into the graph's file.
+    pub copies: Option<Copies>,
+}
+
+/// A folder whose files stay as they are, and the one that gets copies of those that are saved.
+#[derive(Debug, Clone)]
+pub(crate) struct Copies {
+    pub from: PathBuf,
+    pub to: PathBuf,
+}
+
+impl Copies {
+    /// The place of the copy of a file.
+    pub(crate) fn place(&self, path: &Path) -> PathBuf {
+        path.strip_prefix(&self.from).map_or_else(|_| path.to_owned(), |inside| self.to.join(inside))
+    }
 }
 
 /// A checked graph.
@@ -62,7 +78,13 @@ impl Source {
             endpoints: SIMULATED.to_owned(),
             surfaces: Vec::new(),
             roots: None,
+            copies: None,
         }
+    }
+
+    /// The file that gets a saved text.
+    pub(crate) fn saved(&self) -> PathBuf {
+        self.copies.as_ref().map_or_else(|| self.path.clone(), |copies| copies.place(&self.path))
     }
 
     /// Runs `work` with file access restricted to the folders that a text may name.

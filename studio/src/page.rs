@@ -58,6 +58,13 @@ impl Opened {
     }
 }
 
+fn readable(error: StageError) -> String {
+    match error {
+        StageError::Graph(wrong) => haptograph_engine::diagnostic::render(&wrong, false),
+        error => error.to_string(),
+    }
+}
+
 fn no_disk() -> StageError {
     StageError::Other("an engine in a page has no disk".to_owned())
 }
@@ -123,19 +130,24 @@ impl Engine {
     /// # Errors
     /// The errors of the graph or the study as readable text.
     pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
-        let failed = |error| match error {
-            StageError::Graph(wrong) => haptograph_engine::diagnostic::render(&wrong, false),
-            error => error.to_string(),
+        let Some(study) = &opened.study else {
+            return Self::open_graph(opened, registry);
         };
-        let stage = match &opened.study {
-            None => Stage::open(opened.source(registry), HOST).map_err(failed)?,
-            Some(study) => {
-                let (source, conductor) = open_study(study, registry)?;
-                let mut stage = Stage::open(source, HOST).map_err(failed)?;
-                stage.begin_study(conductor);
-                stage
-            }
-        };
+        let (source, conductor) = open_study(study, registry)?;
+        let mut stage = Stage::open(source, HOST).map_err(readable)?;
+        stage.begin_study(conductor);
+        Ok(Self::of(stage))
+    }
+
+    /// The same for graphs alone.
+    ///
+    /// # Errors
+    /// The errors of the graph as readable text.
+    pub fn open_graph(opened: Opened, registry: &Registry) -> Result<Self, String> {
+        Ok(Self::of(Stage::open(opened.source(registry), HOST).map_err(readable)?))
+    }
+
+    fn of(stage: Stage) -> Self {
         let mut engine = Self {
             stage,
             pages: Vec::new(),
@@ -143,7 +155,7 @@ impl Engine {
             played: Vec::with_capacity(ROOM),
         };
         engine.connect(Reach::Machine);
-        Ok(engine)
+        engine
     }
 
     fn connect(&mut self, reach: Reach) {
@@ -276,13 +288,20 @@ impl Checker {
             ClientMessage::Parameter { request, name, value } => {
                 refused(request, wrong(&self.source.with(name, value), &self.text)?)
             }
-            // Its file is here already.
-            ClientMessage::Listen { request, compared } => {
-                listen::reply(request, Path::new(&compared.dropped.name), &compared, &self.source)
-            }
             _ => return None,
         };
         Some(wire::text(&answer))
+    }
+
+    /// The answer to a page that listens; the recording is a file here. `None` for another message.
+    pub fn listen(&self, message: &str) -> Option<Message> {
+        match wire::parse_text(message).ok()?? {
+            ClientMessage::Listen { request, compared } => {
+                let table = Path::new(&compared.dropped.name);
+                Some(wire::text(&listen::reply(request, table, &compared, &self.source)))
+            }
+            _ => None,
+        }
     }
 
     /// The file for a new surface of this name, beside the others of the graph, and its path as a parameter; `None` if a

@@ -14,13 +14,13 @@ const BLOCK = 128; // frames that an audio thread asks for
 const SECONDS = 4;
 const MOST_APART = 1e-9; // of the largest sample
 const encoder = new TextEncoder();
-const { graphs, files, engine } = JSON.parse(readFileSync(join(site, "site.json"), "utf8"));
+const { graphs, engine } = JSON.parse(readFileSync(join(site, "site.json"), "utf8"));
 const wasm = readFileSync(join(site, engine));
 assert.deepEqual(WebAssembly.Module.imports(new WebAssembly.Module(wasm)), [], "the module imports something");
 
-function open({ path, set }) {
+function open({ path, set, files, beside }) {
     const module = new Module(wasm);
-    for (const file of files) module.put({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) });
+    for (const file of [...files, ...beside]) module.put({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) });
     try {
         module.open(encoder.encode(JSON.stringify({ graph: path, set })));
     } catch (why) {

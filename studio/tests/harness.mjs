@@ -12,7 +12,8 @@ import { serve } from "./serve.mjs";
 const [where, folder] = process.argv.slice(2);
 assert(where, "give the address that the studio printed, or a site's folder");
 export const served = where.startsWith("http") ? null : await serve(where);
-export const address = served?.address ?? where;
+// Of the studio; a site's own is that of its gallery.
+export const address = served ? `${served.address}studio.html` : where;
 if (folder) mkdirSync(folder, { recursive: true });
 // The repository, and the program that was built in it.
 export const HOME = process.env.HAPTOGRAPH_HOME ?? fileURLToPath(new URL("../..", import.meta.url));

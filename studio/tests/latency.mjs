@@ -7,11 +7,11 @@ import { pointers } from "../page/frames.js";
 import { Module } from "../page/module.js";
 
 const [site, name] = process.argv.slice(2);
-const { graphs, files, engine } = JSON.parse(readFileSync(join(site, "site.json"), "utf8"));
+const { graphs, engine } = JSON.parse(readFileSync(join(site, "site.json"), "utf8"));
 const graph = graphs.find((known) => known.name === name) ?? graphs[0];
 const encoder = new TextEncoder();
 const wasm = readFileSync(join(site, engine));
-const contents = files.map((file) => ({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) }));
+const contents = graph.files.map((file) => ({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) }));
 const BLOCK = 128;
 const SETTLED_S = 1; // of even strokes, after which the engine knows how they come
 const PROBES = 20;

@@ -359,5 +359,5 @@ siteTest("an edit that the engine refused leaves the checker with what runs", as
     }
 });
 
-for (const others of ["safe", "work", "hand", "move", "seen", "views", "study"]) await import(`./page-${others}.mjs`);
+for (const others of ["safe", "work", "hand", "move", "seen", "views", "study", "site"]) await import(`./page-${others}.mjs`);
 process.exit((await runAll()) ? 1 : 0);

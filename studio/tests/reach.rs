@@ -207,13 +207,73 @@ fn folders_of_surfaces_and_what_the_file_names_itself_can_be_read() {
 
 /// The status of a plain request with these headers.
 fn status(address: SocketAddr, path: &str, headers: &str) -> String {
+    let answer = answer(address, path, headers);
+    answer.split(' ').nth(1).unwrap_or_default().to_owned()
+}
+
+/// The whole answer.
+fn answer(address: SocketAddr, path: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).expect("it listens");
     stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
     write!(stream, "GET {path} HTTP/1.1\r\n{headers}\r\nConnection: close\r\n\r\n").expect("sent");
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
-    let answer = String::from_utf8_lossy(&answer);
-    answer.split(' ').nth(1).unwrap_or_default().to_owned()
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+fn open_gallery(place: &Path) -> Studio {
+    // What a program carries has no links on the way.
+    let graph = shipped("").canonicalize().expect("it ships");
+    let options = Options { graph, lan: Some(LAN), ..options(place) };
+    let saved = place.join("saved");
+    Studio::open_gallery(&options, &haptograph_nodes::registry(), saved).expect("a studio")
+}
+
+#[test]
+fn a_page_of_this_machine_chooses_from_the_gallery_and_saves_copies() {
+    let place = tempfile::tempdir().expect("a folder");
+    let studio = open_gallery(place.path());
+    let (here, token) = (studio.address(), studio.token().to_owned());
+    let at = |address: SocketAddr, path: &str| answer(address, path, &format!("Host: {address}"));
+    let get = |path: &str| at(here, path);
+    assert!(
+        get("/").starts_with("HTTP/1.1 403") && get("/studio.html?graph=click").starts_with("HTTP/1.1 403")
+    );
+    assert!(get(&format!("/?token={token}")).contains("gallery.js"));
+    let cards = get("/gallery.json");
+    assert!(cards.contains("\"name\":\"grating\"") && cards.contains("pictures/grating.svg"), "{cards}");
+    assert!(get("/pictures/grating.svg").contains("simulated"));
+    assert!(get("/pictures/none.svg").starts_with("HTTP/1.1 404"));
+    let mut first = Page::of(&studio);
+    assert_eq!(first.graph["name"], "texturepad");
+    // A page of the network sees what runs.
+    let far = SocketAddr::new(LAN, here.port());
+    assert!(at(far, &format!("/?token={token}&graph=grating")).contains("app.js"));
+    assert!(first.request(json!({ "type": "check", "text": text_of(&first) }))["ok"].is_boolean());
+    assert!(get(&format!("/studio.html?token={token}&graph=none")).starts_with("HTTP/1.1 409"));
+    assert!(get(&format!("/studio.html?token={token}&graph=grating")).contains("app.js"));
+    // The others reconnect.
+    while first.socket.read().is_ok() {}
+    let mut page = Page::of(&studio);
+    assert_eq!(page.graph["name"], "grating");
+    let saved = place.path().join("saved/cookbook/grating.ron");
+    assert_eq!(page.graph["path"], saved.display().to_string());
+    let original = std::fs::read_to_string(shipped("cookbook/grating.ron")).expect("it ships");
+    let changed = format!("// mine\n{original}");
+    let reply = page.request(json!({ "type": "save", "text": changed }));
+    assert_eq!(reply["ok"], true, "{reply}");
+    assert_eq!(std::fs::read_to_string(&saved).expect("written"), changed);
+    assert_eq!(std::fs::read_to_string(shipped("cookbook/grating.ron")).expect("it ships"), original);
+    let copy = Options { graph: saved.clone(), ..options(place.path()) };
+    assert_eq!(Page::of(&open(&copy)).graph["text"], changed);
+    // Another time the copy that is there is not lost.
+    drop(studio);
+    let studio = open_gallery(place.path());
+    let (here, token) = (studio.address(), studio.token().to_owned());
+    answer(here, &format!("/studio.html?token={token}&graph=grating"), &format!("Host: {here}"));
+    let mut page = Page::of(&studio);
+    assert_eq!(page.request(json!({ "type": "save", "text": original }))["ok"], false);
+    assert_eq!(std::fs::read_to_string(&saved).expect("written"), changed);
 }
 
 #[test]

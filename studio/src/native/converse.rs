@@ -1,9 +1,10 @@
 //! Connection to one page.
 
 use super::learn::{Learner, Learning, Turn};
+use super::save::{copy, save};
 use super::server::Shared;
 use super::visits::Pass;
-use super::{blocking, lock, save::save, with_stage};
+use super::{blocking, lock, with_stage};
 use crate::describe;
 use crate::error::{StageError, other};
 use crate::learn::Dropped;
@@ -397,7 +398,7 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
     }
     permitted?;
     if saves {
-        return save(stage, &text);
+        return save(stage, &text, &loaded.graph);
     }
     let mut stage = lock(stage);
     talk::put(&mut stage, source, loaded)
@@ -411,16 +412,19 @@ fn learned(
     (turn, learner): (Turn, Learner),
     dropped: &Dropped,
 ) -> Result<(String, Option<String>), StageError> {
-    let graph = {
+    let (graph, copies) = {
         let stage = lock(stage);
         if !stage.pages.list.iter().any(|known| known.id == page) {
             return failed();
         }
-        stage.source.folder().to_owned()
+        (stage.source.folder().to_owned(), stage.source.copies.clone())
     };
     let learned = turn.surface(learner, dropped, &describe::surface_folder(&graph));
     drop(turn);
     let (path, report) = learned.map_err(StageError::Other)?;
+    // What lies with the program's own graphs ends with it.
+    let kept = copies.map_or(Ok(()), |copies| copy(&copies, &path));
+    kept.map_err(|error| StageError::Other(format!("cannot keep {}: {error}", path.display())))?;
     // Draws the swatch before the stage is locked.
     let _ = describe::surface(&path, &graph);
     let name = format!("{}-learned", path.file_stem().unwrap_or_default().to_string_lossy());

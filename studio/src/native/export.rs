@@ -1,9 +1,9 @@
-//! Export as a static site: the page, the engine as WebAssembly, and the files of the graphs.
+//! Export as a static site: a gallery, the page, the engine as WebAssembly, the files of the graphs, and documentation.
 
-use super::assets::{ENGINE, PAGE};
+use super::assets::{ENGINE, PAGE, WHOLE_ENGINE};
+use super::docs;
+use super::gallery;
 use super::server::StudioError;
-use crate::describe;
-use crate::error::StageError;
 use crate::load::{SIMULATED, Source};
 use crate::page;
 use crate::stage::Stage;
@@ -24,7 +24,11 @@ const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; 
 /// Part of the page's head to which an export adds tags.
 const HEAD: &str = "<meta charset=\"utf-8\">";
 const SITE: &str = "site.json";
+/// The engine of graphs, and the one that learns recordings and conducts studies, too.
 const MODULE: &str = "engine.wasm";
+const WHOLE: &str = "whole.wasm";
+/// Both, in this order.
+type Modules<'a> = [&'a [u8]; 2];
 
 /// Options of an export.
 #[derive(Debug, Clone)]
@@ -35,6 +39,10 @@ pub struct Export {
     pub set: Vec<(String, String)>,
     /// The folder of the site.
     pub folder: PathBuf,
+    /// A folder of documentation in Markdown, which the site shows too.
+    pub docs: Option<PathBuf>,
+    /// True if a graph that no page can run has a card that says why, in place of an error.
+    pub shows_all: bool,
 }
 
 /// Statistics of an export.
@@ -64,7 +72,18 @@ struct SiteGraph {
     path: PathBuf,
     set: Vec<(String, String)>,
     rate_hz: f64,
+    /// What it needs, and the surfaces beside it, which can wait.
     files: BTreeSet<PathBuf>,
+    beside: BTreeSet<PathBuf>,
+}
+
+/// What a site consists of, besides the engine.
+struct Contents<'a> {
+    graphs: Vec<SiteGraph>,
+    /// Cards and pictures of the gallery; a study has none.
+    cards: Vec<(Value, String)>,
+    pages: &'a [SitePage],
+    docs: Option<&'a Path>,
 }
 
 /// Writes a site for any server of static files.
@@ -81,41 +100,51 @@ pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioE
 /// # Errors
 /// As [`export`], and [`StudioError`] if the study needs more than pages have.
 pub fn export_study(study: &Path, folder: &Path, registry: &Registry) -> Result<Exported, StudioError> {
-    write_site((&[take_study(study, registry)?], &PAGES_OF_STUDY), folder, engine()?)
+    write_site(&study_contents(study, registry)?, folder, engine()?)
 }
 
-fn engine() -> Result<&'static [u8], StudioError> {
-    match ENGINE {
-        [] => Err(other(
+fn engine() -> Result<Modules<'static>, StudioError> {
+    match [ENGINE, WHOLE_ENGINE] {
+        [[], _] | [_, []] => Err(other(
             "this build of haptograph lacks the engine for pages: run `studio/build-site` in the sources and build again",
         )),
-        engine => Ok(engine),
+        modules => Ok(modules),
     }
 }
 
-fn export_with(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
-    let graphs = options.graphs.iter().map(|path| take(path, &options.set, registry));
-    let graphs = graphs.collect::<Result<Vec<_>, _>>()?;
-    let mut names = BTreeSet::new();
-    if let Some(twice) = graphs.iter().find(|graph| !names.insert(&graph.name)) {
-        return Err(other(format!(
-            "two graphs are called `{}`: give one of the files another name",
-            twice.name
-        )));
+fn export_with(options: &Export, registry: &Registry, modules: Modules<'_>) -> Result<Exported, StudioError> {
+    let (mut graphs, mut cards, mut names) = (Vec::new(), Vec::new(), BTreeSet::new());
+    for path in &options.graphs {
+        let source = Source::new(plain(path)?, registry, options.set.clone());
+        let (name, mut card) = (source.name(), gallery::card(&source)?);
+        let picture = gallery::picture(&source)?;
+        match take(source) {
+            Ok(graph) => graphs.push(graph),
+            Err(StudioError::Other(why)) if options.shows_all => card["why"] = json!(why),
+            Err(StudioError::Other(why)) => return Err(other(format!("{}: {why}", path.display()))),
+            Err(wrong) => return Err(wrong),
+        }
+        cards.push((card, picture));
+        if !names.insert(name.clone()) {
+            return Err(other(format!("two graphs are called `{name}`: give one of the files another name")));
+        }
     }
-    write_site((&graphs, &PAGE_OF_GRAPHS), &options.folder, module)
+    let contents = Contents { graphs, cards, pages: &PAGES_OF_GRAPHS, docs: options.docs.as_deref() };
+    write_site(&contents, &options.folder, modules)
 }
 
-fn write_site(
-    (graphs, pages): (&[SiteGraph], &[SitePage]),
-    folder: &Path,
-    module: &[u8],
-) -> Result<Exported, StudioError> {
+fn study_contents(study: &Path, registry: &Registry) -> Result<Contents<'static>, StudioError> {
+    let graphs = vec![take_study(study, registry)?];
+    Ok(Contents { graphs, cards: Vec::new(), pages: &PAGES_OF_STUDY, docs: None })
+}
+
+fn write_site(contents: &Contents<'_>, folder: &Path, modules: Modules<'_>) -> Result<Exported, StudioError> {
     // If the folder is a link, its target is replaced.
     let target = folder.canonicalize().or_else(|_| std::path::absolute(folder));
     let target = target.map_err(other)?;
     is_free(&target)?;
-    let all: BTreeSet<&PathBuf> = graphs.iter().flat_map(|graph| &graph.files).collect();
+    let all: BTreeSet<&PathBuf> =
+        contents.graphs.iter().flat_map(|graph| graph.files.union(&graph.beside)).collect();
     if let Some(path) = all.iter().find(|path| has_unlicensed_clips(path)) {
         return Err(other(format!(
             "{} contains clips of a recording without a licence, which a site would give to everybody: learn it again with --licence or --no-clips, or move it out of the folder of the graph",
@@ -130,16 +159,7 @@ fn write_site(
     let whole = tempfile::Builder::new().prefix(".haptograph-site-").tempdir_in(beside).map_err(failed)?;
     let new = whole.path().join("new");
     let mut site = Site { folder: &new, exported: Exported { files: 0, bytes: 0 }, sha256: BTreeMap::new() };
-    for path in &all {
-        let bytes = files::read(path, files::MAX_SITE_BYTES)
-            .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
-        site.write(&Path::new("files").join(in_site(path, &root)), &bytes)?;
-    }
-    write_pages(&mut site, pages)?;
-    site.write(Path::new(MODULE), module)?;
-    let mut listed = listing(graphs, pages.len() > 1, &all, &root);
-    listed["sha256"] = json!(site.sha256);
-    site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
+    fill(&mut site, contents, (&all, &root), modules)?;
     let exported = site.exported;
     let old = whole.path().join("old");
     if let Err(error) = replace(&target, &new, &old) {
@@ -150,6 +170,43 @@ fn write_site(
         return Err(failed(error));
     }
     Ok(exported)
+}
+
+/// Writes the files of a site.
+fn fill(
+    site: &mut Site<'_>,
+    contents: &Contents<'_>,
+    (all, root): (&BTreeSet<&PathBuf>, &Path),
+    modules: Modules<'_>,
+) -> Result<(), StudioError> {
+    for path in all {
+        let bytes = files::read(path, files::MAX_SITE_BYTES)
+            .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
+        site.write(&Path::new("files").join(in_site(path, root)), &bytes)?;
+    }
+    write_pages(site, contents.pages)?;
+    let is_study = contents.cards.is_empty();
+    for (name, module) in [MODULE, WHOLE].into_iter().zip(modules).skip(usize::from(is_study)) {
+        site.write(Path::new(name), module)?;
+    }
+    let mut listed = listing(&contents.graphs, is_study, all, root);
+    if !is_study {
+        for (card, picture) in &contents.cards {
+            let place = Path::new(card["picture"].as_str().unwrap_or_default());
+            site.write(place, picture.as_bytes())?;
+        }
+        let names = contents.graphs.iter().map(|graph| (in_site(&graph.path, root), graph.name.clone()));
+        let docs = contents.docs.map(|folder| docs::write(site, folder, &names.collect()));
+        let cards: Vec<&Value> = contents.cards.iter().map(|(card, _)| card).collect();
+        let gallery = json!({ "cards": cards, "docs": docs.transpose()?.unwrap_or_default() });
+        site.write(Path::new(gallery::LISTING), format!("{gallery:#}\n").as_bytes())?;
+        // Another export has another worker, which browsers then fetch.
+        let version = hash(json!(site.sha256).to_string().as_bytes());
+        let worker = String::from_utf8_lossy(page_file(WORKER)).replacen(VERSION, &version, 1);
+        site.write(Path::new(WORKER), worker.as_bytes())?;
+    }
+    listed["sha256"] = json!(site.sha256);
+    site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())
 }
 
 /// Replaces a folder; on failure the old one is restored.
@@ -219,32 +276,27 @@ fn foreign(site: &Path, sha256: &Value) -> std::io::Result<Option<PathBuf>> {
 }
 
 /// The SHA-256 hash of bytes, in hexadecimal digits.
-fn hash(bytes: &[u8]) -> String {
+pub(super) fn hash(bytes: &[u8]) -> String {
     files::hex(&Sha256::digest(bytes))
 }
 
-/// Loads a graph as the page does, and collects the files that it needs.
-fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<SiteGraph, StudioError> {
-    let source = Source::new(plain(path)?, registry, set.to_vec());
-    let stage = Stage::open(source, page::HOST).map_err(|error| match error {
-        StageError::Graph(wrong) => StudioError::Graph(wrong),
-        error => other(format!("{}: {error}", path.display())),
-    })?;
+/// Opens a graph as the page does, and collects the files that it needs there.
+fn take(source: Source) -> Result<SiteGraph, StudioError> {
+    let stage = Stage::open(source, page::HOST)?;
     let graph = &stage.loaded.graph;
-    let sources = graph.sources().iter().filter(|source| source.is_file);
-    let sources = sources.map(|source| source.path.clone());
-    let named = graph.nodes().iter().flat_map(|node| node.files.clone());
-    let surfaces = describe::surface_files(stage.source.folder());
-    let files = sources.chain(named).chain(surfaces);
-    let files: BTreeSet<PathBuf> = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let plain =
+        |paths: Vec<PathBuf>| paths.iter().map(|path| plain(path)).collect::<Result<BTreeSet<_>, _>>();
+    let files = plain(gallery::needed(graph).collect())?;
+    let beside = plain(gallery::beside(stage.source.folder()).collect())?;
+    let beside = beside.difference(&files).cloned().collect();
     Ok(SiteGraph {
-        name,
+        name: stage.source.name(),
         about: graph.about().to_owned(),
         rate_hz: stage.signals.sound.as_ref().map_or(stage.signals.rate_hz, |sound| sound.rate_hz),
         path: stage.source.path.clone(),
-        set: set.to_vec(),
+        set: stage.source.set.clone(),
         files,
+        beside,
     })
 }
 
@@ -271,6 +323,7 @@ fn take_study(path: &Path, registry: &Registry) -> Result<SiteGraph, StudioError
         path,
         set: Vec::new(),
         files: files.into_iter().collect(),
+        beside: BTreeSet::new(),
     })
 }
 
@@ -297,7 +350,7 @@ fn has_unlicensed_clips(path: &Path) -> bool {
 }
 
 /// An absolute path without `.` and `..`.
-fn plain(path: &Path) -> Result<PathBuf, StudioError> {
+pub(super) fn plain(path: &Path) -> Result<PathBuf, StudioError> {
     let absolute = std::path::absolute(path).map_err(other)?;
     let mut plain = PathBuf::new();
     for part in absolute.components() {
@@ -322,7 +375,7 @@ fn root_of(all: &BTreeSet<&PathBuf>) -> PathBuf {
 }
 
 /// Path of a file within the site, with `/` as separator.
-fn in_site(path: &Path, root: &Path) -> String {
+pub(super) fn in_site(path: &Path, root: &Path) -> String {
     let parts = path.strip_prefix(root).unwrap_or(path).components();
     let parts = parts.map(|part| part.as_os_str().to_string_lossy().into_owned());
     parts.collect::<Vec<_>>().join("/")
@@ -334,13 +387,15 @@ fn listing(graphs: &[SiteGraph], is_study: bool, all: &BTreeSet<&PathBuf>, root:
         json!({
             "name": graph.name, "about": graph.about, "path": in_site(&graph.path, root),
             "set": set.collect::<Vec<_>>(), "rate_hz": graph.rate_hz,
+            "files": graph.files.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
+            "beside": graph.beside.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
         })
     });
     let mut graphs = graphs.collect::<Vec<_>>();
     let study = is_study.then(|| graphs.remove(0));
+    let engine = if is_study { WHOLE } else { MODULE };
     json!({
-        "haptograph": env!("CARGO_PKG_VERSION"), "engine": MODULE, "graphs": graphs, "study": study,
-        "files": all.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
+        "haptograph": env!("CARGO_PKG_VERSION"), "engine": engine, "whole": WHOLE, "graphs": graphs, "study": study,
     })
 }
 
@@ -352,26 +407,40 @@ fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
     known.map_or_else(|| value.to_owned(), |path| format!("{:?}", in_site(&path, root)))
 }
 
-/// A page of a site: its file, the file that it is made of, and the tag that tells where its engine is.
+/// A page of a site: its file, the file that it is made of, and the tags that tell where its engine is.
 type SitePage = (&'static str, &'static str, &'static str);
 const SITE_TAG: &str = "<meta name=\"haptograph-site\" content=\"site.json\">";
-const PAGE_OF_GRAPHS: [SitePage; 1] = [("index.html", "index.html", SITE_TAG)];
+/// The same, and the script that keeps the site for use without a network.
+const TAGS: &str = "<meta name=\"haptograph-site\" content=\"site.json\"><script type=\"module\" src=\"offline.js\"></script>";
+const PAGES_OF_GRAPHS: [SitePage; 2] =
+    [("index.html", "gallery.html", TAGS), ("studio.html", "index.html", TAGS)];
 const PAGES_OF_STUDY: [SitePage; 2] = [
     ("index.html", "experimenter.html", SITE_TAG),
     ("participant.html", "participant.html", "<meta name=\"haptograph-opener\">"),
 ];
+/// The script that keeps a site for use without a network, and the place of its version.
+const WORKER: &str = "sw.js";
+const VERSION: &str = "VERSION OF THE SITE";
+
+/// A file of the page.
+pub(super) fn page_file(path: &str) -> &'static [u8] {
+    PAGE.get_file(path).map_or(&[], |file| file.contents())
+}
+
+/// A page with the policy of a site and these tags in its head.
+pub(super) fn with_head(page: &str, tags: &str) -> String {
+    let head = format!("{HEAD}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n{tags}");
+    page.replacen(HEAD, &head, 1)
+}
 
 /// Writes pages, whose heads tell the policy and where the engine is, and the files that these load.
 fn write_pages(site: &mut Site, pages: &[SitePage]) -> Result<(), StudioError> {
-    let all = || PAGE.files().chain(PAGE.dirs().flat_map(|folder| folder.files()));
-    for (name, source, tag) in pages {
-        let head =
-            format!("{HEAD}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n{tag}");
-        let page =
-            all().find(|file| file.path() == Path::new(source)).map_or(&[][..], |file| file.contents());
-        site.write(Path::new(name), String::from_utf8_lossy(page).replacen(HEAD, &head, 1).as_bytes())?;
+    for (name, source, tags) in pages {
+        let page = with_head(&String::from_utf8_lossy(page_file(source)), tags);
+        site.write(Path::new(name), page.as_bytes())?;
     }
-    for file in all().filter(|file| is_served(file.path())) {
+    let all = PAGE.files().chain(PAGE.dirs().flat_map(|folder| folder.files()));
+    for file in all.filter(|file| is_served(file.path())) {
         site.write(file.path(), file.contents())?;
     }
     Ok(())
@@ -381,18 +450,19 @@ fn write_pages(site: &mut Site, pages: &[SitePage]) -> Result<(), StudioError> {
 fn is_served(path: &Path) -> bool {
     let ends = |ending: &str| path.to_string_lossy().ends_with(ending);
     let is_bundled = ends(".LICENSE") || ends(".js") && !ends(".entry.js");
-    (!path.starts_with("vendor") || is_bundled) && !ends(".html")
+    (!path.starts_with("vendor") || is_bundled) && !ends(".html") && path != Path::new(WORKER)
 }
 
-struct Site<'a> {
+/// A site that is being written.
+pub(super) struct Site<'a> {
     folder: &'a Path,
     exported: Exported,
     /// The hash of each file, by its name in the site.
-    sha256: BTreeMap<String, String>,
+    pub sha256: BTreeMap<String, String>,
 }
 
 impl Site<'_> {
-    fn write(&mut self, path: &Path, bytes: &[u8]) -> Result<(), StudioError> {
+    pub(super) fn write(&mut self, path: &Path, bytes: &[u8]) -> Result<(), StudioError> {
         let path = self.folder.join(path);
         let failed = |error: std::io::Error| other(format!("cannot write {}: {error}", path.display()));
         if let Some(folder) = path.parent() {
@@ -414,6 +484,8 @@ mod tests {
     use haptograph_surfaces::provenance::LICENCE;
     use haptograph_surfaces::{Origin, Surface};
 
+    const MODULES: Modules<'_> = [b"a module", b"a larger one"];
+
     fn shipped(name: &str) -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
     }
@@ -423,8 +495,10 @@ mod tests {
             graphs: names.iter().map(|name| shipped(name)).collect(),
             set: vec![("surface".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned())],
             folder: folder.to_owned(),
+            docs: Some(shipped("../docs")),
+            shows_all: false,
         };
-        export_with(&options, &haptograph_nodes::registry(), b"a module")
+        export_with(&options, &haptograph_nodes::registry(), MODULES)
     }
 
     #[test]
@@ -435,15 +509,23 @@ mod tests {
         let site: Value = serde_json::from_str(&text).expect("JSON");
         assert_eq!(site["graphs"][0]["path"], "texturepad.ron");
         assert_eq!(site["graphs"][0]["rate_hz"], 48000.0);
-        let files: Vec<&str> =
-            site["files"].as_array().expect("a list").iter().filter_map(Value::as_str).collect();
-        for needed in ["texturepad.ron", "surfaces/t2-canvas.ron", "surfaces/t3-tile.ron"] {
-            assert!(files.contains(&needed), "{needed} of {files:?}");
-            assert!(folder.path().join("files").join(needed).is_file(), "{needed}");
+        // First what it needs, then the surfaces that somebody may choose.
+        assert_eq!(site["graphs"][0]["files"], json!(["surfaces/t3-tile.ron", "texturepad.ron"]));
+        let beside = site["graphs"][0]["beside"].as_array().expect("a list");
+        assert!(beside.contains(&json!("surfaces/t2-canvas.ron")) && beside.len() > 4, "{beside:?}");
+        for file in
+            ["files/texturepad.ron", "files/surfaces/t2-canvas.ron", "pictures/texturepad.svg", "sw.js"]
+        {
+            assert!(folder.path().join(file).is_file(), "{file}");
         }
-        let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("a page");
+        let page = read("studio.html");
         assert!(page.contains("wasm-unsafe-eval") && page.contains(SITE) && !page.contains("src=\"/"));
-        assert!(folder.path().join("vendor/codemirror.LICENSE").is_file() && exported.files > files.len());
+        assert!(read("index.html").contains("gallery.js") && !read("sw.js").contains(VERSION));
+        let cookbook = read("docs/cookbook.html");
+        assert!(cookbook.contains("id=\"a-click-at-a-force\"") && !cookbook.contains(".md"), "{cookbook}");
+        assert!(read("docs/readme.html").contains("data-graph=\"texturepad\""));
+        assert!(folder.path().join("vendor/codemirror.LICENSE").is_file() && exported.files > 100);
         // A second export replaces the first, but nothing else.
         export(&["omni.ron"], folder.path()).expect("it is written again");
         assert!(!folder.path().join("files/texturepad.ron").exists());
@@ -469,8 +551,8 @@ mod tests {
     fn a_site_of_a_study_has_its_pages_and_what_they_read_and_no_devices() {
         let folder = tempfile::tempdir().expect("a folder");
         let export = |study: &Path| {
-            let study = take_study(study, &haptograph_nodes::registry())?;
-            write_site((&[study], &PAGES_OF_STUDY), &folder.path().join("site"), b"a module")
+            let contents = study_contents(study, &haptograph_nodes::registry())?;
+            write_site(&contents, &folder.path().join("site"), MODULES)
         };
         export(&shipped("studies/first.ron")).expect("it is written");
         let text = std::fs::read_to_string(folder.path().join("site").join(SITE)).expect("it is listed");
@@ -478,7 +560,8 @@ mod tests {
         assert_eq!((&site["study"]["path"], &site["graphs"]), (&json!("studies/first.ron"), &json!([])));
         let surfaces = ["t2-canvas", "t3-tile", "t5-vinyl"].map(|name| format!("surfaces/{name}.ron"));
         let read = ["studies/first.ron".to_owned()].into_iter().chain(surfaces);
-        assert_eq!(site["files"], read.chain(["texturepad.ron".to_owned()]).collect::<Value>());
+        assert_eq!(site["engine"], WHOLE);
+        assert_eq!(site["study"]["files"], read.chain(["texturepad.ron".to_owned()]).collect::<Value>());
         let page = |name| std::fs::read_to_string(folder.path().join("site").join(name)).expect("a page");
         assert!(page("index.html").contains("experimenter.js") && page("index.html").contains(SITE));
         assert!(
@@ -516,8 +599,13 @@ mod tests {
         std::fs::copy(shipped("texturepad.ron"), folder.path().join("texturepad.ron")).expect("copied");
         std::fs::create_dir(folder.path().join("surfaces")).expect("made");
         let site = folder.path().join("site");
-        let options =
-            Export { graphs: vec![folder.path().join("texturepad.ron")], set: vec![], folder: site.clone() };
+        let options = Export {
+            graphs: vec![folder.path().join("texturepad.ron")],
+            set: vec![],
+            folder: site.clone(),
+            docs: None,
+            shows_all: false,
+        };
         let mut surface = load(&shipped("surfaces/t2-canvas.ron")).expect("it ships");
         let clips = Clips::new(&[0.3, -1.0, 0.2]).expect("an excitation");
         surface.texture = surface.texture.map(|texture| texture.with_clips(Some(clips)));
@@ -525,11 +613,30 @@ mod tests {
         let path = folder.path().join("surfaces/t2-canvas.ron");
         let exports = |surface: &Surface| {
             save(surface, &path).expect("saved");
-            export_with(&options, &haptograph_nodes::registry(), b"a module").is_ok()
+            export_with(&options, &haptograph_nodes::registry(), MODULES).is_ok()
         };
         assert!(!exports(&surface) && !site.exists());
         surface.provenance = surface.provenance.with_setting(LICENCE, "CC-BY-4.0");
         assert!(exports(&surface));
+    }
+
+    #[test]
+    fn a_gallery_shows_what_no_page_can_run_with_the_reason() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let graphs = vec![shipped("cookbook/click.ron"), shipped("two-drivers.ron")];
+        let options =
+            Export { graphs, set: vec![], folder: folder.path().join("site"), docs: None, shows_all: true };
+        export_with(&options, &haptograph_nodes::registry(), MODULES).expect("it is written");
+        let text = std::fs::read_to_string(options.folder.join(gallery::LISTING)).expect("it is listed");
+        let gallery: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(
+            (&gallery["cards"][0]["name"], &gallery["cards"][0]["why"]),
+            (&json!("click"), &Value::Null)
+        );
+        assert_eq!(gallery["cards"][0]["folder"], "cookbook");
+        assert!(gallery["cards"][1]["why"].is_string());
+        let picture = options.folder.join("pictures/two-drivers.svg");
+        assert!(std::fs::read_to_string(picture).expect("drawn").contains("simulated"));
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 mod assets;
 mod converse;
+mod docs;
 mod export;
+mod gallery;
 mod learn;
 mod listen;
 mod pump;
@@ -11,6 +13,7 @@ mod server;
 mod visits;
 
 pub use export::{Export, Exported, export, export_study};
+pub use gallery::shipped;
 pub use learn::Learner;
 pub use listen::lan_address;
 pub use server::{Options, Studio, StudioError};

@@ -1,24 +1,47 @@
 //! Saving the text of a graph.
 
-use super::lock;
+use super::{gallery, lock};
 use crate::error::StageError;
+use crate::load::Copies;
 use crate::stage::Stage;
 use crate::talk;
-use haptograph_signal::files::write_atomically_by;
-use std::io::Write;
+use haptograph_engine::graph::Graph;
+use haptograph_signal::files::{self, write_atomically_by};
+use std::io::{self, Write};
+use std::path::Path;
 use std::sync::Mutex;
 
-/// Writes a text to the graph's file, unless the file has changed since it was read.
-pub(super) fn save(stage: &Mutex<Stage>, text: &str) -> Result<String, StageError> {
+/// Copies a file to its place, unless one is there.
+pub(super) fn copy(copies: &Copies, path: &Path) -> io::Result<()> {
+    let place = copies.place(path);
+    if place.exists() {
+        return Ok(());
+    }
+    files::create_folder(place.parent().unwrap_or(Path::new(".")))?;
+    files::copy_atomically(path, &place)
+}
+
+/// Writes the text of a loaded graph to its file, unless the file has changed since it was read.
+pub(super) fn save(stage: &Mutex<Stage>, text: &str, graph: &Graph) -> Result<String, StageError> {
     let (source, on_disk) = {
         let stage = lock(stage);
         (stage.source.clone(), stage.on_disk.clone())
     };
-    let path = &source.path;
-    let failed =
-        |error: std::io::Error| StageError::Other(format!("cannot write {}: {error}", path.display()));
-    if source.read().map_err(failed)? != on_disk {
-        let why = format!("{} was changed since it was read; nothing was written", path.display());
+    let path = &source.saved();
+    let failed = |error: io::Error| StageError::Other(format!("cannot write {}: {error}", path.display()));
+    if let Some(copies) = &source.copies {
+        // The graph goes on where it is; the copy has all that it needs.
+        let files = gallery::needed(graph).chain(gallery::beside(source.folder()));
+        { files }.try_for_each(|path| copy(copies, &path)).map_err(failed)?;
+    }
+    if files::read_text(path, files::MAX_SITE_BYTES).map_err(failed)? != on_disk {
+        let path = path.display();
+        let why = match source.copies {
+            None => format!("{path} was changed since it was read; nothing was written"),
+            Some(_) => format!(
+                "{path} is there with another text; open it by `haptograph studio {path}`, or move it"
+            ),
+        };
         return Err(StageError::Other(why));
     }
     // A link stays a link.

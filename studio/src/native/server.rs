@@ -2,12 +2,13 @@
 
 use super::assets::PAGE;
 use super::converse::{self, ExclusiveWork};
+use super::gallery::Gallery;
 use super::learn::Learner;
 use super::visits::{Pass, Reception, Visits};
 use super::{blocking, listen, lock, pump, with_stage};
 use crate::envelope::Confirmed;
 use crate::error::StageError;
-use crate::load::Source;
+use crate::load::{Copies, Source};
 use crate::pages::Reach;
 use crate::run_page::REPORT;
 use crate::stage::{Host, Stage};
@@ -125,6 +126,7 @@ pub(super) struct Shared {
     /// The host names of this server.
     hosts: Arc<[String]>,
     pub reach: Reach,
+    gallery: Option<Arc<Gallery>>,
 }
 
 impl Shared {
@@ -143,7 +145,18 @@ impl Studio {
     /// # Errors
     /// [`StudioError`] if the graph has errors, or if the port is taken.
     pub fn open(options: &Options, registry: &Registry) -> Result<Self, StudioError> {
-        Self::serve(set_up(options, registry)?, options, None)
+        Self::serve(set_up(options, registry)?, options, None, None)
+    }
+
+    /// Serves a gallery of the graphs in the folder of `options.graph`, which is not changed: what is saved and learned goes to the
+    /// folder `saved`. The graph that a page of this machine chooses takes the place of the one that runs.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), for the first graph.
+    pub fn open_gallery(options: &Options, registry: &Registry, saved: PathBuf) -> Result<Self, StudioError> {
+        let copies = Copies { from: options.graph.clone(), to: saved };
+        let (gallery, stage) = Gallery::open(options, registry, copies)?;
+        Self::serve(stage, options, None, Some(gallery))
     }
 
     /// Serves the two pages of a study, whose graph runs in trials only.
@@ -156,10 +169,15 @@ impl Studio {
         stage.source.roots = None;
         stage.begin_study(study);
         let participant = token().map_err(other)?;
-        Self::serve(stage, options, Some(participant))
+        Self::serve(stage, options, Some(participant), None)
     }
 
-    fn serve(stage: Stage, options: &Options, participant: Option<String>) -> Result<Self, StudioError> {
+    fn serve(
+        stage: Stage,
+        options: &Options,
+        participant: Option<String>,
+        gallery: Option<Gallery>,
+    ) -> Result<Self, StudioError> {
         let token = token().map_err(other)?;
         let doors = listen::doors(options.port, options.lan).map_err(other)?;
         let address = doors.here.address;
@@ -171,7 +189,11 @@ impl Studio {
             .spawn(move || pump::run(&watched))
             .map_err(other)?;
         let (exclusive, known): (_, Arc<str>) = (ExclusiveWork::default(), token.as_str().into());
-        let visits = Visits::default();
+        let (visits, gallery) = (Visits::default(), gallery.map(Arc::new));
+        if let Some(gallery) = gallery.clone() {
+            // Before a page asks.
+            std::thread::spawn(move || _ = gallery.listing());
+        }
         let served = doors.all().map(|door| {
             let shared = Shared {
                 stage: Arc::clone(&stage),
@@ -181,6 +203,7 @@ impl Studio {
                 participant: participant.as_deref().map(Arc::from),
                 hosts: door.hosts.into(),
                 reach: door.reach,
+                gallery: gallery.clone(),
             };
             (door.listener, shared)
         });
@@ -271,7 +294,7 @@ impl Drop for Studio {
 
 /// Loads and starts a graph with the restrictions of its pages: the limits and devices of its file, and the files that
 /// can be named.
-fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
+pub(super) fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
     let opened = || {
         let mut source = Source::new(options.graph.clone(), registry, options.set.clone());
         if let Some(endpoints) = &options.endpoints {
@@ -338,6 +361,9 @@ fn token() -> Result<String, getrandom::Error> {
 fn router(shared: Shared) -> Router {
     Router::new()
         .route("/", get(index))
+        .route("/studio.html", get(studio))
+        .route("/gallery.json", get(cards))
+        .route("/pictures/{name}", get(picture))
         .route("/live", get(live))
         .route("/report/{folder}", get(report))
         .route("/{*path}", get(asset))
@@ -415,9 +441,43 @@ async fn index(State(shared): State<Shared>, Query(query): Query<HashMap<String,
         None => return locked(&query),
         Some(Reach::Participant) => "participant.html",
         Some(_) if shared.participant.is_some() => "experimenter.html",
-        Some(_) => "index.html",
+        Some(Reach::Machine) if shared.gallery.is_some() && !query.contains_key("graph") => "gallery.html",
+        Some(_) => return studio(State(shared), Query(query)).await,
     };
     asset(Path(page.to_owned())).await
+}
+
+/// The page of the studio, whose graph a page of this machine may choose from the gallery.
+async fn studio(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+    let reach = let_in(&shared, &query);
+    if reach.is_none() || shared.participant.is_some() {
+        return locked(&query);
+    }
+    let chosen = query.get("graph").cloned().filter(|_| reach == Some(Reach::Machine));
+    if let Some((gallery, name)) = shared.gallery.zip(chosen) {
+        let stage = shared.stage;
+        let chosen = blocking(move || gallery.choose(&stage, &name).map_err(|error| error.to_string())).await;
+        if let Some(Err(why)) = chosen {
+            return (StatusCode::CONFLICT, why).into_response();
+        }
+    }
+    asset(Path("index.html".to_owned())).await
+}
+
+/// The cards of the gallery; none if the studio has none.
+async fn cards(State(shared): State<Shared>) -> Response {
+    let cards = blocking(move || shared.gallery.map(|gallery| gallery.listing().to_string())).await.flatten();
+    let none = || r#"{ "cards": [] }"#.to_owned();
+    ([(header::CONTENT_TYPE, "application/json")], cards.unwrap_or_else(none)).into_response()
+}
+
+/// The picture of a graph of the gallery.
+async fn picture(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+    let drawn = blocking(move || shared.gallery?.picture(name.strip_suffix(".svg")?)).await.flatten();
+    match drawn {
+        Some(picture) => ([(header::CONTENT_TYPE, "image/svg+xml")], picture).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
 }
 
 /// The page in a folder that this studio has made: of a run, or of a learned surface.

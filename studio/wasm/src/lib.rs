@@ -7,7 +7,10 @@
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
-use haptograph_studio::page::{Checker, Engine, Mapping, Message, Opened, learn_recording, read_recording};
+use haptograph_studio::page::{Checker, Engine, Message, Opened};
+#[cfg(feature = "whole")]
+use haptograph_studio::page::{Mapping, learn_recording, read_recording};
+#[cfg(feature = "whole")]
 use serde_json::json;
 use std::cell::RefCell;
 use std::path::Path;
@@ -110,7 +113,8 @@ pub extern "C" fn haptograph_participant(is_there: u32) {
 pub extern "C" fn haptograph_open() -> u32 {
     keep_panics();
     with(|state| {
-        let opened = read(&state.room).and_then(|opened| Engine::open(opened, &haptograph_nodes::registry()));
+        let open = if cfg!(feature = "whole") { Engine::open } else { Engine::open_graph };
+        let opened = read(&state.room).and_then(|opened| open(opened, &haptograph_nodes::registry()));
         kept(opened, &mut state.engine, &mut state.message)
     })
 }
@@ -184,6 +188,7 @@ pub extern "C" fn haptograph_follow() {
 /// in the message `learn`. Returns 1 with the message `{ "name",
 /// "surface", "report" }`, where `surface` is the text of the surface file and `report` that of the page; or 0 with the
 /// reason as the message.
+#[cfg(feature = "whole")]
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_learn(path_length: usize) -> u32 {
     keep_panics();
@@ -204,8 +209,21 @@ pub extern "C" fn haptograph_learn(path_length: usize) -> u32 {
     })
 }
 
+/// Answers the page's message `listen` in the input buffer, whose recording is a file here. Returns 1, or 0 for another message.
+#[cfg(feature = "whole")]
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_listen() -> u32 {
+    keep_panics();
+    with(|state| {
+        let said = String::from_utf8_lossy(&state.room).into_owned();
+        let answer = state.checker.as_ref().and_then(|checker| checker.listen(&said));
+        show(&mut state.message, answer)
+    })
+}
+
 /// What reading a recording finds, with the input buffer as for [`haptograph_learn`]: the message, as in the reply to `learn` with `reads`.
 /// Returns 1, or 0 with the reason as the message.
+#[cfg(feature = "whole")]
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_read(path_length: usize) -> u32 {
     keep_panics();

@@ -1,0 +1,71 @@
+// The gallery: a card of each graph, which opens it in the studio.
+import { cards as load, studioOf } from "./cards.js";
+import { find, make, setText } from "./dom.js";
+
+const FIRST = "texturepad";
+const TOUR = "studio.html";
+const GROUPS = [
+    ["Graphs", ({ folder }) => folder !== "cookbook"],
+    ["Recipes", ({ folder }) => folder === "cookbook"],
+];
+
+// The picture's own text says what it shows; its alternative says where it comes from.
+const pictureOf = ({ name, picture }, lazy) =>
+    make("img", {
+        src: picture,
+        alt: `Two simulated seconds of ${name}`,
+        width: "420",
+        height: "190",
+        loading: lazy ? "lazy" : null,
+        decoding: "async",
+    });
+
+// What in the text is between backquotes is code.
+const textOf = (about) => about.split("`").map((part, i) => (i % 2 ? make("code", { text: part }) : part));
+
+function cardOf(card) {
+    const title = card.why ? card.name : make("a", { href: studioOf(card.name), text: card.name });
+    return make(
+        "li",
+        { class: "card", "data-name": card.name },
+        pictureOf(card, true),
+        make("h3", {}, title),
+        make("p", {}, ...textOf(card.about)),
+        card.why ? make("p", { class: "why" }, `Not in the studio: `, ...textOf(card.why)) : null,
+    );
+}
+
+function groupOf([title, holds], all) {
+    // Those that open come first.
+    const cards = all.filter(holds).sort((a, b) => Boolean(a.why) - Boolean(b.why)).map(cardOf);
+    return cards.length ? [make("section", { "aria-label": title }, make("h2", { text: title }), make("ul", { class: "cards" }, ...cards))] : [];
+}
+
+// Shows the cards whose text has all words.
+function filter(all) {
+    const words = find("find").value.toLowerCase().split(/\s+/).filter(Boolean);
+    const fits = ({ name, about }) => words.every((word) => `${name} ${about}`.toLowerCase().includes(word));
+    const found = new Set(all.filter(fits).map(({ name }) => name));
+    for (const card of document.querySelectorAll(".card")) card.hidden = !found.has(card.dataset.name);
+    for (const group of document.querySelectorAll("#cards section")) group.hidden = !group.querySelector(".card:not([hidden])");
+    setText(find("found"), words.length ? `${found.size} of ${all.length}` : "");
+}
+
+function linkDocs(pages) {
+    const link = (page, text) => (pages.includes(page.split("#")[0]) ? [make("a", { href: `docs/${page}`, text })] : []);
+    find("links").append(...link(`${TOUR}#a-first-tour`, "Tour"), ...link("cookbook.html", "Cookbook"), ...link("index.html", "Documentation"));
+}
+
+const { cards, docs = [] } = await load();
+const open = cards.filter(({ why }) => !why);
+const asked = new URLSearchParams(location.search).get("graph");
+// The address of a graph was once here; a single graph needs no gallery.
+if (asked || cards.length === 1) location.replace(studioOf(asked ?? cards[0].name));
+else if (open.length) {
+    const first = open.find(({ name }) => name === FIRST) ?? open[0];
+    find("stroke").href = studioOf(first.name);
+    find("hero").append(pictureOf(first, false), make("figcaption", { class: "soft", text: `What ${first.name} does to a simulated hand` }));
+    linkDocs(docs);
+    find("cards").append(...GROUPS.flatMap((group) => groupOf(group, cards)));
+    find("find").addEventListener("input", () => filter(cards));
+}
