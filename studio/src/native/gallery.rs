@@ -62,7 +62,8 @@ pub(super) fn picture(source: &Source) -> Result<String, StudioError> {
     });
     Session::run_offline(sinks, &SessionOptions::default().seconds(SHOWN_S), &mut |_| ())
         .map_err(|error| StudioError::Other(format!("{}: {error}", source.path.display())))?;
-    let delivered = graph.nodes().iter().find(|node| node.entry.is_actuator()).map(|node| node.path.clone() + ".");
+    let delivered =
+        graph.nodes().iter().find(|node| node.entry.is_actuator()).map(|node| node.path.clone() + ".");
     let requested =
         || plotted.plots().iter().find_map(|(request, _)| Some(request.signals.first()?.stream.name.clone()));
     let wanted = delivered.or_else(requested).unwrap_or_default();
