@@ -1,13 +1,14 @@
 // A site in Firefox, driven by its Marionette port: the gallery leads to a graph, which runs and sounds: node firefox.mjs SITE
+// Firefox runs no sound without a device: a sound daemon (Debian's pulseaudio) plays to nobody.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { connect } from "node:net";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { serve } from "./serve.mjs";
 
-const PATIENCE_MS = 120_000;
+const PATIENCE_MS = 60_000;
 const PORT = 2828 + (process.pid % 1000);
 const PREFERENCES = {
     "marionette.port": PORT,
@@ -64,16 +65,18 @@ class Marionette {
     }
 
     async look(script) {
-        return (await this.call("WebDriver:ExecuteScript", { script: `const studio = window.wrappedJSObject.studio; ${script}`, args: [] })).value;
+        return (await this.call("WebDriver:ExecuteScript", { script: `const studio = (window.wrappedJSObject ?? window).studio; ${script}`, args: [] })).value;
     }
 
     async until(what, script) {
         const until = Date.now() + PATIENCE_MS;
+        let why = "";
         while (Date.now() < until) {
-            if (await this.look(script).catch(() => false)) return;
+            if (await this.look(script).catch((error) => void (why = error.message))) return;
             await wait(200);
         }
-        throw new Error(`waited for: ${what}`);
+        const state = "return JSON.stringify([studio?.status, studio?.lost, studio?.connection.engine?.context?.state, studio?.sound.report])";
+        throw new Error(`waited for: ${what}; ${why} ${await this.look(state)}`);
     }
 
     async press(selector) {
@@ -86,7 +89,17 @@ const served = await serve(process.argv[2]);
 const profile = mkdtempSync(join(tmpdir(), "haptograph-firefox-"));
 const lines = Object.entries(PREFERENCES).map(([name, value]) => `user_pref("${name}", ${JSON.stringify(value)});\n`);
 writeFileSync(join(profile, "user.js"), lines.join(""));
-const firefox = spawn(process.env.FIREFOX ?? "firefox-esr", ["--headless", "--marionette", "--no-remote", "--profile", profile], { stdio: "ignore" });
+const socket = join(profile, "sound");
+const modules = [`module-native-protocol-unix socket=${socket} auth-anonymous=1`, "module-null-sink rate=48000"];
+const options = ["-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1", "--disable-shm=yes", "--realtime=no", "--high-priority=no"];
+const own = { XDG_RUNTIME_DIR: profile, PULSE_RUNTIME_PATH: profile };
+const daemon = spawn("pulseaudio", [...options, ...modules.flatMap((module) => ["-L", module])], { stdio: "ignore", env: { ...process.env, ...own } });
+daemon.on("error", () => console.log("there is no pulseaudio"));
+while (!existsSync(socket) && daemon.exitCode === null && daemon.pid) await wait(100);
+const firefox = spawn(process.env.FIREFOX ?? "firefox-esr", ["--headless", "--marionette", "--no-remote", "--profile", profile], {
+    stdio: "ignore",
+    env: { ...process.env, PULSE_SERVER: `unix:${socket}` },
+});
 try {
     const page = await Marionette.open();
     const { capabilities } = await page.call("WebDriver:NewSession", { strictFileInteractability: false });
@@ -94,8 +107,8 @@ try {
     await page.until("the gallery", "return document.querySelectorAll('.card a').length > 20");
     await page.press("#stroke");
     await page.until("the graph", "return Boolean(studio && studio.graph && studio.connection.engine.context)");
-    if (await page.look("return !document.getElementById('pad-cover-button').hidden && !document.getElementById('pad-cover').hidden"))
-        await page.press("#pad-cover-button");
+    await page.until("the button", "return studio.runs || !document.getElementById('pad-cover-button').hidden");
+    if (await page.look("return !studio.runs")) await page.press("#pad-cover-button");
     await page.until("the run", "return studio.runs");
     if (await page.look("return !studio.sound.on")) await page.press("#sound");
     await page.press("#demo");
@@ -105,6 +118,7 @@ try {
     console.log(`ok      ${capabilities.browserName} ${capabilities.browserVersion} strokes ${await page.look("return studio.graph.name")} after ${time_s.toFixed(1)} s, peak ${peak.toFixed(3)}`);
 } finally {
     firefox.kill();
+    daemon.kill();
     served.close();
     await wait(500);
     rmSync(profile, { recursive: true, force: true });

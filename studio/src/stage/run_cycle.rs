@@ -197,6 +197,8 @@ impl Stage {
         self.look_at_scopes();
         send_samples(self);
         let kept = std::mem::take(&mut self.recorder.signals);
+        // An engine in a page has no disk; so it is spared what draws pages.
+        #[cfg(not(target_family = "wasm"))]
         if let (Some(folder), Some(ended), Some(kept)) = (&self.recorder.folder, &ended, kept) {
             let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
             let written = run_page::write(folder, &self.source, graph, outcome, &kept);
