@@ -136,15 +136,15 @@ fn a_hand_of_the_callers_feels_on_one_clock_what_an_offline_run_of_two_drivers_d
     for (name, channels, outputs) in cases {
         let felt = simulated_by_all(&shipped(name, &CheckOptions::default()), outputs, 0.9);
         let graph = shipped(name, &CheckOptions::hosted());
+        let options = outputs.iter().fold(SessionOptions::default().rested(), |all, name| all.probe(name));
+        let (players, mut session) = Player::open_all(&graph, &options).expect("plays");
+        let mut clock = VirtualClock::running(players, &session);
         for (output, values) in outputs.iter().zip(&felt).take(channels) {
             let mut input = graph.any_input(output).expect(output);
             for frame in values.chunks_exact(input.kind().width()) {
                 input.push(frame).expect("room");
             }
         }
-        let options = outputs.iter().fold(SessionOptions::default().rested(), |all, name| all.probe(name));
-        let (players, mut session) = Player::open_all(&graph, &options).expect("plays");
-        let mut clock = VirtualClock::running(players, &session);
         let rate_hz = graph.clocks()[graph.drivers()[0]].rate.hz();
         let mut allocated = 0;
         for call in irregular((0.9 * rate_hz) as usize) {
@@ -158,6 +158,11 @@ fn a_hand_of_the_callers_feels_on_one_clock_what_an_offline_run_of_two_drivers_d
                 .for_each(|frame| assert!(probe.take(frame), "{output}"));
             assert!(got.iter().any(|x| *x != 0.0), "{name}: {output}");
             let differs = (0..got.len()).find(|at| got[*at].to_bits() != felt[*at].to_bits());
+            eprintln!(
+                "DBG {name} {output} {:?} {:?}",
+                &got[..12.min(got.len())],
+                &felt[..12.min(felt.len())]
+            );
             assert_eq!(differs, None, "{name}: {output}");
         }
         session.stop();

@@ -29,6 +29,14 @@ pub(crate) struct Dropped {
     pub reads: bool,
 }
 
+/// A recording, and the surfaces to hear along its motion, by their paths as parameters.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct Compared {
+    #[serde(flatten)]
+    pub dropped: Dropped,
+    pub surfaces: Vec<String>,
+}
+
 /// What the columns of a recording hold, as far as their names do not say it.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -2,7 +2,7 @@
 
 use super::describe;
 use super::error::{StageError, other};
-use super::learn::Dropped;
+use super::learn::Compared;
 use super::load::Source;
 use super::talk;
 use base64::Engine as _;
@@ -13,7 +13,6 @@ use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
 use haptograph_surfaces::files::load;
 use haptograph_surfaces::rendering::{Trajectory, synthesise};
-use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -23,14 +22,6 @@ const LONGEST_S: f64 = 20.0;
 const LEAST_HZ: f64 = 8000.0;
 /// Largest recording, which is read in the process of the graph, bytes.
 const MAX_BYTES: usize = 16 << 20;
-
-/// A recording, and the surfaces to hear along its motion, by their paths as parameters.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub(crate) struct Compared {
-    #[serde(flatten)]
-    pub dropped: Dropped,
-    pub surfaces: Vec<String>,
-}
 
 /// The reply with `voices`: the vibration of the recording in a file, then those of the surfaces.
 pub(crate) fn reply(request: u64, table: &Path, compared: &Compared, source: &Source) -> Value {

@@ -2,8 +2,7 @@
 
 use super::describe;
 use super::error::StageError;
-use super::learn::Dropped;
-use super::listen::Compared;
+use super::learn::{Compared, Dropped};
 use super::load::{Loaded, Source};
 use super::pages::{Line, Reach};
 use super::stage::Stage;
@@ -23,7 +22,7 @@ pub(crate) enum Response {
     Work { request: u64, work: Work },
     /// Learn a surface from a recording, which takes long; then [`reply`].
     Learn { request: u64, dropped: Dropped },
-    /// Listen to a recording and surfaces, which takes a while; then [`listen::reply`](super::listen::reply).
+    /// Listen to a recording and surfaces, which takes a while; then `listen::reply`.
     Listen { request: u64, compared: Compared },
     /// Cancel the learning of this request.
     Cancel { request: u64 },

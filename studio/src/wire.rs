@@ -1,7 +1,6 @@
 //! Messages of the page: parsing, with bounds.
 
-use super::learn::Dropped;
-use super::listen::Compared;
+use super::learn::{Compared, Dropped};
 use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::record::Recording;
 use haptograph_study::conduct::Said;

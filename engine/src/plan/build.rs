@@ -102,6 +102,11 @@ fn unfilled(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan {
 }
 
 impl DevicePlan {
+    /// True if nodes of this driver read or drive it.
+    pub(crate) fn is_used(&self) -> bool {
+        !self.reads.is_empty() || !self.driven_by.is_empty()
+    }
+
     fn of(device: &GraphDevice) -> Self {
         Self {
             name: device.name.clone(),

@@ -476,8 +476,7 @@ impl Plan {
 
     /// Names of the devices that its nodes read or drive. `devices` lists those of all drivers.
     pub(crate) fn used_devices(&self) -> impl Iterator<Item = &str> {
-        let used = |device: &&DevicePlan| !device.reads.is_empty() || !device.driven_by.is_empty();
-        self.devices.iter().filter(used).map(|device| &*device.name)
+        self.devices.iter().filter(|device| device.is_used()).map(|device| &*device.name)
     }
 
     /// Name of a device that this plan drives and `other` does not.

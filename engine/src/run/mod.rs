@@ -176,10 +176,12 @@ impl Run {
         }
     }
 
-    /// Lets the devices read the values that were queued before the first frame.
+    /// Lets the devices read the values that were queued before the first frame. Those of other drivers are not used here: their
+    /// values are not taken away.
     pub(crate) fn begin_devices(&mut self) {
-        for device in self.devices_mut() {
-            device.begin();
+        let devices = self.state.devices.iter_mut().zip(&self.plan.devices);
+        for (state, _) in devices.filter(|(_, planned)| planned.is_used()) {
+            state.device.begin();
         }
     }
 
