@@ -276,6 +276,18 @@ fn maps(graph: &Graph) -> Vec<Value> {
     locators.filter_map(map).collect()
 }
 
+/// The files that a graph needs: its own, and those that its nodes name.
+pub(crate) fn needed(graph: &Graph) -> impl Iterator<Item = PathBuf> {
+    let sources = graph.sources().iter().filter(|source| source.is_file);
+    let sources = sources.map(|source| source.path.clone());
+    sources.chain(graph.nodes().iter().flat_map(|node| node.files.clone()))
+}
+
+/// The surfaces in a graph's folder.
+pub(crate) fn beside(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    surface_files(folder).into_iter().filter(|path| files::load(path).is_ok())
+}
+
 /// The surfaces in the graph's own folder, by their paths from the graph, and those in other folders.
 fn surfaces(stage: &Stage) -> Vec<Value> {
     let folder = stage.source.folder();

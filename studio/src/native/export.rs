@@ -4,6 +4,7 @@ use super::assets::{ENGINE, PAGE, WHOLE_ENGINE};
 use super::docs;
 use super::gallery;
 use super::server::StudioError;
+use crate::describe;
 use crate::load::{SIMULATED, Source};
 use crate::page;
 use crate::stage::Stage;
@@ -286,8 +287,8 @@ fn take(source: Source) -> Result<SiteGraph, StudioError> {
     let graph = &stage.loaded.graph;
     let plain =
         |paths: Vec<PathBuf>| paths.iter().map(|path| plain(path)).collect::<Result<BTreeSet<_>, _>>();
-    let files = plain(gallery::needed(graph).collect())?;
-    let beside = plain(gallery::beside(stage.source.folder()).collect())?;
+    let files = plain(describe::needed(graph).collect())?;
+    let beside = plain(describe::beside(stage.source.folder()).collect())?;
     let beside = beside.difference(&files).cloned().collect();
     Ok(SiteGraph {
         name: stage.source.name(),

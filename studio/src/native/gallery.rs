@@ -2,7 +2,6 @@
 
 use super::lock;
 use super::server::{Options, StudioError, set_up};
-use crate::describe;
 use crate::load::{Copies, Source};
 use crate::page::HOST;
 use crate::stage::Stage;
@@ -15,7 +14,6 @@ use haptograph_report::plot::Plot;
 use haptograph_report::plotted::PlottedSignals;
 use haptograph_report::theme::Ink;
 use haptograph_signal::files::list;
-use haptograph_surfaces::files::load;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
@@ -71,18 +69,6 @@ pub(super) fn picture(source: &Source) -> Result<String, StudioError> {
     signals.sort_by_key(|signal| !signal.stream.name.starts_with(&wanted));
     let plot = signals.iter().find_map(|signal| figures::over_time(signal, Ink::Blue).into_iter().next());
     Ok(Plot { size: SIZE, ..plot.unwrap_or_default() }.to_standalone_svg())
-}
-
-/// The files that a graph needs: its own, and those that its nodes name.
-pub(super) fn needed(graph: &Graph) -> impl Iterator<Item = PathBuf> {
-    let sources = graph.sources().iter().filter(|source| source.is_file);
-    let sources = sources.map(|source| source.path.clone());
-    sources.chain(graph.nodes().iter().flat_map(|node| node.files.clone()))
-}
-
-/// The surfaces in a graph's folder.
-pub(super) fn beside(folder: &Path) -> impl Iterator<Item = PathBuf> {
-    describe::surface_files(folder).into_iter().filter(|path| load(path).is_ok())
 }
 
 /// The graphs that a studio offers.
@@ -189,7 +175,8 @@ mod tests {
         lock(&stage).devices.switch.disarm();
         lock(&stage).pages.next = 7;
         gallery.choose(&stage, "click").expect("it ships");
-        assert_eq!((lock(&stage).source.name(), lock(&stage).pages.next), ("click".to_owned(), 7));
+        assert_eq!(lock(&stage).source.name(), "click");
+        assert_eq!(lock(&stage).pages.next, 7);
         assert!(lock(&stage).cycle.state == State::Running);
         lock(&stage).halt();
         gallery.choose(&stage, FIRST).expect("it ships");
