@@ -9,16 +9,24 @@ const GROUPS = [
     ["Recipes", ({ folder }) => folder === "cookbook"],
 ];
 
+// A picture is loaded shortly before it is seen: browsers' own lazy loading takes most of them at once.
+const coming = new IntersectionObserver(
+    (seen) => {
+        for (const { target } of seen.filter(({ isIntersecting }) => isIntersecting)) {
+            target.src = target.dataset.src;
+            coming.unobserve(target);
+        }
+    },
+    { rootMargin: "100px" },
+);
+
 // The picture's own text says what it shows; its alternative says where it comes from.
-const pictureOf = ({ name, picture }, lazy) =>
-    make("img", {
-        src: picture,
-        alt: `Two simulated seconds of ${name}`,
-        width: "420",
-        height: "190",
-        loading: lazy ? "lazy" : null,
-        decoding: "async",
-    });
+function pictureOf({ name, picture }) {
+    const size = { width: "420", height: "190" };
+    const image = make("img", { ...size, "data-src": picture, alt: `Two simulated seconds of ${name}`, decoding: "async" });
+    coming.observe(image);
+    return image;
+}
 
 // What in the text is between backquotes is code.
 const textOf = (about) => about.split("`").map((part, i) => (i % 2 ? make("code", { text: part }) : part));
@@ -28,7 +36,7 @@ function cardOf(card) {
     return make(
         "li",
         { class: "card", "data-name": card.name },
-        pictureOf(card, true),
+        pictureOf(card),
         make("h3", {}, title),
         make("p", {}, ...textOf(card.about)),
         card.why ? make("p", { class: "why" }, `Not in the studio: `, ...textOf(card.why)) : null,
@@ -64,7 +72,7 @@ if (asked || cards.length === 1) location.replace(studioOf(asked ?? cards[0].nam
 else if (open.length) {
     const first = open.find(({ name }) => name === FIRST) ?? open[0];
     find("stroke").href = studioOf(first.name);
-    find("hero").append(pictureOf(first, false), make("figcaption", { class: "soft", text: `What ${first.name} does to a simulated hand` }));
+    find("hero").append(pictureOf(first), make("figcaption", { class: "soft", text: `What ${first.name} does to a simulated hand` }));
     linkDocs(docs);
     find("cards").append(...GROUPS.flatMap((group) => groupOf(group, cards)));
     find("find").addEventListener("input", () => filter(cards));

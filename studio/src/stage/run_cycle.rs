@@ -134,7 +134,10 @@ impl Stage {
             NextRun::Record => {
                 self.begin_recording();
                 // Without a folder there is no page.
-                let has_page = self.recorder.folder.is_some() && self.recorder.name.is_none();
+                // An engine in a page has no disk, and is spared what draws pages.
+                let has_page = cfg!(not(target_family = "wasm"))
+                    && self.recorder.folder.is_some()
+                    && self.recorder.name.is_none();
                 self.recorder.signals = has_page.then(|| PageSignals::of(&self.loaded.graph));
             }
             NextRun::Replay(recording) => self.cycle.replay = Some(Replay::of(*recording)),
@@ -197,9 +200,9 @@ impl Stage {
         self.look_at_scopes();
         send_samples(self);
         let kept = std::mem::take(&mut self.recorder.signals);
-        // An engine in a page has no disk; so it is spared what draws pages.
-        #[cfg(not(target_family = "wasm"))]
-        if let (Some(folder), Some(ended), Some(kept)) = (&self.recorder.folder, &ended, kept) {
+        if let (Some(folder), Some(ended), Some(kept)) = (&self.recorder.folder, &ended, kept)
+            && cfg!(not(target_family = "wasm"))
+        {
             let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
             let written = run_page::write(folder, &self.source, graph, outcome, &kept);
             self.recorder.page_error = written.err().map(|error| error.to_string());
