@@ -257,9 +257,12 @@ async function mountGraphChoice(studio) {
     choice.addEventListener("change", () => (location.href = choice.value ? studioOf(choice.value) : galleryAddress()));
 }
 
-// The editor is large. In a site it is loaded when it is shown, or when another program changes the file; a server is near.
+// The editor is large. In a site it is loaded when it is shown, when a hand comes to the drawing, which it changes, or when another
+// program changes the file; a server is near.
 function mountEditorLater(studio) {
     let loaded = null;
+    studio.edits = { may: () => false };
+    for (const comes of ["pointerenter", "focusin"]) find("graph").addEventListener(comes, () => studio.loadEditor(), { once: true });
     studio.loadEditor = () => (loaded ??= import("./editor.js").then(({ mountEditor }) => mountEditor(studio)));
     studio.on("tab", (name) => {
         if (name === "editor") studio.loadEditor();

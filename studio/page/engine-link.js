@@ -51,9 +51,10 @@ export class EngineLink {
             this.onmessage({ data: JSON.stringify(whole) });
         };
         if (this.#learning) return reply({ error: "another recording is being learned; retry when it is done" });
-        this.#learning = { request, end: () => {} };
+        const loading = new AbortController();
+        this.#learning = { request, end: (why) => loading.abort(new Error(why)) };
         try {
-            const whole = await bytesOf(this.#later.whole);
+            const whole = await bytesOf(this.#later.whole, loading.signal);
             const listens = read.type === "listen" && { ...this.#begun, surfaces: this.#added, message: encoder.encode(JSON.stringify({ ...read, csv: "" })) };
             const learned = await learnBeside(whole, { name, csv, mapping, reads, listens }, (end) => (this.#learning.end = end));
             if (listens) return this.onmessage({ data: JSON.stringify(learned) });
@@ -143,8 +144,8 @@ export class EngineLink {
     }
 }
 
-async function bytesOf(address) {
-    const response = await fetch(address);
+async function bytesOf(address, signal = null) {
+    const response = await fetch(address, { signal });
     if (!response.ok) throw new Error(`${address}: ${response.status} ${response.statusText}`);
     return new Uint8Array(await response.arrayBuffer());
 }

@@ -54,6 +54,8 @@ export async function open({ at = address, expected = null, isReady = ready, ...
 
 export async function ready(page) {
     await page.waitForFunction(() => window.studio?.hello && studio.graph && studio.status, null, { timeout: PATIENCE_MS });
+    // A site loads it when its tab is shown.
+    await page.evaluate(() => studio.loadEditor?.().then(() => null));
 }
 
 // Waits until `look` is true in the page.

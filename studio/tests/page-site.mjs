@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { gzipSync } from "node:zlib";
-import { AS_PHONE, browser, demo, open, PATIENCE_MS, ready, served, siteTest, until } from "./harness.mjs";
+import { AS_PHONE, browser, demo, open, PATIENCE_MS, served, siteTest, until } from "./harness.mjs";
 
 const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
@@ -15,7 +15,7 @@ const visit = (options = {}) => open({ at: served.address, isReady: galleryReady
 
 // Presses Start where the browser wants it, strokes, and listens.
 async function hear(page) {
-    await ready(page);
+    await until(page, () => window.studio?.hello && studio.graph && studio.status);
     if (await page.locator("#pad-cover-button").isVisible()) await page.click("#pad-cover-button");
     await until(page, () => studio.runs);
     if ((await page.getAttribute("#sound", "aria-pressed")) === "false") await page.click("#sound");

@@ -710,7 +710,7 @@ test("a scope opens as each of its views, and what it draws moves", async (page)
     const before = await page.evaluate(() => studio.scopeCount());
     await page.evaluate((name) => studio.addScope(name), port);
     const card = page.locator("#scopes .scope").last();
-    const choice = card.locator("select");
+    const choice = card.locator("select").first();
     assert.deepEqual(await choice.locator("option").allInnerTexts(), VIEWS);
     await card.scrollIntoViewIfNeeded();
     await demo(page, true);
