@@ -158,11 +158,6 @@ fn a_hand_of_the_callers_feels_on_one_clock_what_an_offline_run_of_two_drivers_d
                 .for_each(|frame| assert!(probe.take(frame), "{output}"));
             assert!(got.iter().any(|x| *x != 0.0), "{name}: {output}");
             let differs = (0..got.len()).find(|at| got[*at].to_bits() != felt[*at].to_bits());
-            eprintln!(
-                "DBG {name} {output} {:?} {:?}",
-                &got[..12.min(got.len())],
-                &felt[..12.min(felt.len())]
-            );
             assert_eq!(differs, None, "{name}: {output}");
         }
         session.stop();
