@@ -21,7 +21,7 @@ export class Sound {
         this.report = null;
         this.error = null;
         find("sound").addEventListener("click", () => this.toggle());
-        find("wav").addEventListener("click", () => this.#keep());
+        find("wav")?.addEventListener("click", () => this.#keep()); // a participant keeps nothing
         find("level").addEventListener("input", (event) => this.#setLevel(Number(event.target.value)));
         studio.on("graph", (graph) => this.#follow(graph));
         document.addEventListener("visibilitychange", () => (document.hidden ? this.cut() : this.resume()));
@@ -117,7 +117,7 @@ export class Sound {
             (this.report = { ...data, underruns: data.underruns + (context.playbackStats?.underrunEvents ?? 0) });
         this.#gain = new GainNode(context, { gain: 0 });
         player.connect(this.#gain).connect(context.destination);
-        this.#keeper = await keeperOf(context, player);
+        if (find("wav")) this.#keeper = await keeperOf(context, player);
     }
 
     // Downloads the last seconds, at the level at which the actuator gets them.
@@ -165,7 +165,7 @@ export class Sound {
     #show() {
         find("sound").setAttribute("aria-pressed", String(this.on));
         setText(find("sound"), this.on ? "Sound: on" : "Sound: off");
-        find("wav").hidden = !this.on;
+        if (find("wav")) find("wav").hidden = !this.on;
         find("sound").disabled = this.obstacle !== null && !this.error;
         const text = this.level_db <= SILENT_DB ? "silent" : `${this.level_db} dB`.replace("-", "−");
         setText(find("level-text"), text);
