@@ -3,7 +3,7 @@
 import { find, make, setText } from "./dom.js";
 import { completions, helpAt } from "./help.js";
 import { prose } from "./prose.js";
-import { ron } from "./ron.js";
+import { ron } from "./ron-language.js";
 import * as cm from "./vendor/codemirror.js";
 
 const CHECK_AFTER_MS = 300;

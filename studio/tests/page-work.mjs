@@ -464,6 +464,9 @@ async function listens(page) {
             await page.emulateMedia({ colorScheme: "light" });
             await picture(page, "unreadable-light");
         }
+        // A site loads those of the folder when they are shown.
+        await page.evaluate(() => studio.showTab("surfaces"));
+        await until(page, () => studio.graph.surfaces.length > 5);
         const count = await page.evaluate(() => studio.graph.surfaces.length);
         const header = "time_s,accel_m_s2,force_normal_n,speed_mm_s\n";
         const rows = Array.from({ length: 400_000 }, (_, k) =>
