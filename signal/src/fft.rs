@@ -3,7 +3,7 @@
 //! Every processor uses the scalar transforms, so that results have the same bits: the vector ones round differently.
 //! One module also avoids compiling the transforms into every crate.
 
-use rustfft::{Fft, FftPlannerScalar};
+use rustfft::{Fft, FftDirection};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -12,20 +12,46 @@ pub type Transform = Arc<dyn Fft<f64>>;
 
 /// The forward transform of this length: `X_k = sum x_n e^(-2 pi i k n / length)`.
 pub fn forward(length: usize) -> Transform {
-    planned(|planner| planner.plan_fft_forward(length))
+    planned(length, FftDirection::Forward)
 }
 
 /// The inverse of [`forward`] times the length.
 pub fn inverse(length: usize) -> Transform {
-    planned(|planner| planner.plan_fft_inverse(length))
+    planned(length, FftDirection::Inverse)
 }
 
 /// Plans live as long as the thread.
-fn planned(plan: impl FnOnce(&mut FftPlannerScalar<f64>) -> Transform) -> Transform {
+#[cfg(not(target_family = "wasm"))]
+fn planned(length: usize, direction: FftDirection) -> Transform {
+    use rustfft::FftPlannerScalar;
     thread_local! {
         static PLANNER: RefCell<FftPlannerScalar<f64>> = RefCell::new(FftPlannerScalar::new());
     }
-    PLANNER.with_borrow_mut(plan)
+    PLANNER.with_borrow_mut(|planner| planner.plan_fft(length, direction))
+}
+
+/// A page loads two algorithms, not the planner's twenty: of a length that is no power of two the transform takes about four times as long.
+#[cfg(target_family = "wasm")]
+fn planned(length: usize, direction: FftDirection) -> Transform {
+    use rustfft::algorithm::{BluesteinsAlgorithm, Radix4};
+    type Plans = std::collections::BTreeMap<(usize, bool), Transform>;
+    thread_local! {
+        static PLANS: RefCell<Plans> = const { RefCell::new(Plans::new()) };
+    }
+    let key = (length, direction == FftDirection::Inverse);
+    if let Some(plan) = PLANS.with_borrow(|plans| plans.get(&key).cloned()) {
+        return plan;
+    }
+    let plan: Transform = match length {
+        0 | 1 => Arc::new(rustfft::algorithm::Dft::new(length, direction)),
+        length if length.is_power_of_two() => Arc::new(Radix4::new(length, direction)),
+        length => {
+            let inner = planned((2 * length - 1).next_power_of_two(), direction);
+            Arc::new(BluesteinsAlgorithm::new(length, inner))
+        }
+    };
+    PLANS.with_borrow_mut(|plans| plans.insert(key, Arc::clone(&plan)));
+    plan
 }
 
 #[cfg(test)]

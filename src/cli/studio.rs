@@ -214,7 +214,6 @@ fn write_site(arguments: &Arguments, folder: &Path, registry: &Registry) -> Resu
         set: arguments.set.clone(),
         folder: folder.to_owned(),
         docs: arguments.docs.clone(),
-        shows_all: carried.is_some(),
     };
     say_exported(export(&options, registry).map_err(failure)?, folder)
 }

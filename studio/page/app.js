@@ -242,7 +242,7 @@ function mountStop(studio) {
 // A site, or a studio that was opened without a graph, has several; each has its own address.
 async function mountGraphChoice(studio) {
     const listed = await cards().catch(() => ({ cards: [] }));
-    const graphs = listed.cards.filter(({ why }) => !why);
+    const graphs = listed.cards;
     if (graphs.length < 2) return;
     const choice = find("graph-choice");
     const options = graphs.map(({ name, about }) => make("option", { value: name, text: name, title: about }));

@@ -1,6 +1,6 @@
 // The graphs that a site or a studio offers, and their addresses.
 
-// `{ cards: [{ name, about, folder, picture, why }], docs }`; a graph with a `why` cannot be opened.
+// `{ cards: [{ name, about, folder, picture }], docs }`.
 export async function cards() {
     const response = await fetch(new URL("gallery.json", import.meta.url));
     return response.ok ? response.json() : { cards: [] };

@@ -1,5 +1,6 @@
 // The graph's own text: written with colours, completion and help, checked by the engine while it is edited, applied
 // and saved.
+import { saveBundle } from "./bundle.js";
 import { find, make, setText } from "./dom.js";
 import { completions, helpAt } from "./help.js";
 import { prose } from "./prose.js";
@@ -17,6 +18,7 @@ export function mountEditor(studio) {
     });
     find("editor-apply").addEventListener("click", act.apply);
     find("editor-save").addEventListener("click", act.save);
+    find("editor-download").addEventListener("click", () => saveBundle(studio));
     find("editor-revert").addEventListener("click", () => replace(state, state.engine ?? ""));
     const take = (graph) => {
         const untouched = state.engine === null || textOf(state) === state.engine;

@@ -10,7 +10,7 @@ const FADE_S = 0.01;
 const QUIET_MS = 200; // a context that is suspended asks for nothing
 
 class Engine extends AudioWorkletProcessor {
-    constructor({ processorOptions: { wasm, files, opened } }) {
+    constructor({ processorOptions: { wasm, files, opened, study } }) {
         super();
         this.links = []; // to the page; of a study to the experimenter's and the participant's
         this.asked = this.kept = 0; // what the page was asked to keep of a study, and what it has kept
@@ -29,7 +29,7 @@ class Engine extends AudioWorkletProcessor {
         this.attempt(() => {
             const module = new Module(wasm);
             for (const file of files) module.put(file);
-            module.open(opened);
+            module.open(opened, study);
             this.module = module;
         });
     }

@@ -50,11 +50,11 @@ export class PageEngine {
         await this.#keeping; // what is being written is read
         const kept = await this.kept();
         const files = shipped.concat(kept.map(({ path, bytes }) => ({ path: encoder.encode(path), bytes })));
-        const opened = encoder.encode(JSON.stringify(study ? { study: path } : { graph: path, set }));
+        const opened = encoder.encode(JSON.stringify({ file: path, set }));
         if (!this.context) await this.#openContext(rate_hz);
         this.node?.disconnect();
         this.number = crypto.randomUUID();
-        const processorOptions = { wasm, files, opened };
+        const processorOptions = { wasm, files, opened, study: Boolean(study) };
         this.node = new AudioWorkletNode(this.context, "engine", {
             numberOfInputs: 0,
             outputChannelCount: [2],

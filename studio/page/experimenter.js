@@ -1,7 +1,7 @@
 // The experimenter's page of a study: who takes part, what is to be done now, and what an experimenter may do about it.
 import { Connection } from "./connection.js";
 import { find, make, save, setText, takesText } from "./dom.js";
-import { zip } from "./study-store.js";
+import { zip } from "./zip.js";
 import { letIn } from "./study-windows.js";
 
 const HOLD_MS = 50;

@@ -32,20 +32,18 @@ function pictureOf({ name, picture }) {
 const textOf = (about) => about.split("`").map((part, i) => (i % 2 ? make("code", { text: part }) : part));
 
 function cardOf(card) {
-    const title = card.why ? card.name : make("a", { href: studioOf(card.name), text: card.name });
+    const title = make("a", { href: studioOf(card.name), text: card.name });
     return make(
         "li",
         { class: "card", "data-name": card.name },
         pictureOf(card),
         make("h3", {}, title),
         make("p", {}, ...textOf(card.about)),
-        card.why ? make("p", { class: "why" }, `Not in the studio: `, ...textOf(card.why)) : null,
     );
 }
 
 function groupOf([title, holds], all) {
-    // Those that open come first.
-    const cards = all.filter(holds).sort((a, b) => Boolean(a.why) - Boolean(b.why)).map(cardOf);
+    const cards = all.filter(holds).map(cardOf);
     return cards.length ? [make("section", { "aria-label": title }, make("h2", { text: title }), make("ul", { class: "cards" }, ...cards))] : [];
 }
 
@@ -65,12 +63,11 @@ function linkDocs(pages) {
 }
 
 const { cards, docs = [] } = await load();
-const open = cards.filter(({ why }) => !why);
 const asked = new URLSearchParams(location.search).get("graph");
 // The address of a graph was once here; a single graph needs no gallery.
 if (asked || cards.length === 1) location.replace(studioOf(asked ?? cards[0].name));
-else if (open.length) {
-    const first = open.find(({ name }) => name === FIRST) ?? open[0];
+else if (cards.length) {
+    const first = cards.find(({ name }) => name === FIRST) ?? cards[0];
     find("stroke").href = studioOf(first.name);
     find("hero").append(pictureOf(first), make("figcaption", { class: "soft", text: `What ${first.name} does to a simulated hand` }));
     linkDocs(docs);

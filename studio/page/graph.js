@@ -3,7 +3,6 @@
 import { mountBoxes } from "./by-hand.js";
 import { find, make, setText } from "./dom.js";
 import { LIVE_STYLE, mountLiveDrawing } from "./live-drawing.js";
-import { mountForm } from "./node-form.js";
 import { mountNode } from "./node.js";
 import { bare } from "./surfaces.js";
 import { cleaned } from "./svg.js";
@@ -38,7 +37,11 @@ export function mountGraph(studio) {
     const showNode = mountNode(studio, (node) => choose(view, node));
     studio.showNode = showNode;
     const boxes = mountBoxes(studio);
-    const openForm = mountForm(studio, boxes);
+    let form = null;
+    const openForm = async (...place) => {
+        form ??= import("./node-form.js").then(({ mountForm }) => mountForm(studio, boxes));
+        (await form)(...place);
+    };
     view.wires = mountWires(studio, host, view, boxes);
     // The form of a node, or of a device's body, beside it.
     view.edit = studio.editNode = (path, kind = null) => {

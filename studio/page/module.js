@@ -15,11 +15,12 @@ export class Module {
         this.#calls.haptograph_file(path.length);
     }
 
-    // Begins to run a graph ({ graph, set } as JSON) or a study ({ study }); throws its errors, as bytes.
-    open(opened) {
+    // Begins to run a graph, or a study ({ file, set } as JSON); throws its errors, as bytes.
+    open(opened, isStudy = false) {
         this.#tellTime();
         this.#fill(opened);
-        if (!this.#calls.haptograph_open()) throw this.#message();
+        const { haptograph_open, haptograph_open_study } = this.#calls;
+        if (!(isStudy ? haptograph_open_study : haptograph_open)()) throw this.#message();
     }
 
     // The same for an engine that only checks edits.

@@ -1,7 +1,5 @@
 // The surfaces of the folder as swatches, and recordings that are dropped on the page and learned.
 import { find, imageOf, make, setText } from "./dom.js";
-import { listen } from "./listen.js";
-import { headOf, keptMapping, mappingForm } from "./mapping.js";
 
 const MOST_BYTES = 64 * 1024 * 1024;
 
@@ -160,6 +158,7 @@ async function learn(studio, file, mapping = undefined) {
         );
     text.textContent = `Reading ${file.name}…`;
     const csv = await file.text();
+    const { headOf, keptMapping, mappingForm } = await import("./mapping.js");
     const head = headOf(csv);
     mapping ??= head && (keptMapping(head.names) ?? undefined);
     const [answer, request] = studio.connection.numbered({ type: "learn", name: file.name, csv, mapping });
@@ -181,7 +180,7 @@ async function learn(studio, file, mapping = undefined) {
     const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;
     end("good", `${file.name} was learned; ${says}.`);
     const recording = { name: file.name, csv, mapping, path: reply.change };
-    text.after(make("button", { text: "Listen", title: "The recording beside the surface, and ABX", onclick: () => listen(studio, recording).catch((error) => studio.say("bad", `The recording cannot be played: ${error.message}`)) }));
+    text.after(make("button", { text: "Listen", title: "The recording beside the surface, and ABX", onclick: () => import("./listen.js").then(({ listen }) => listen(studio, recording)).catch((error) => studio.say("bad", `The recording cannot be played: ${error.message}`)) }));
     if (reply.report) text.after(reportLink(reply.report));
     if (reply.learned) text.after(...keepLinks(reply.learned, bare(reply.change).split("/").at(-1)));
 }

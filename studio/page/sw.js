@@ -40,7 +40,7 @@ async function keep(addresses) {
     if (!(await askServer())) return;
     const cache = await caches.open(KEPT);
     if (!addresses) {
-        const { sha256 } = await (await fetch("site.json")).json();
+        const { sha256 } = await (await fetch("files.json")).json();
         const names = Object.keys(sha256).filter((name) => !name.startsWith(UNASKED));
         addresses = [...names, "site.json"].map((name) => new URL(name.split("/").map(encodeURIComponent).join("/"), registration.scope).href);
     }

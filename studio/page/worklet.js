@@ -1,12 +1,14 @@
 // Plays binary 3: a ring that messages fill and that is played at the card's rate; its fill is controlled.
 const HEAD_BYTES = 16; // of binary 3, before the samples
 const RING_S = 2;
-const FIRST_TARGET_S = 0.025;
+const FIRST_TARGET_S = 0.045;
 const LEAST_TARGET_S = 0.012;
 const MOST_TARGET_S = 0.2;
 const WIDER_S = 0.01; // after an underrun
-const NARROWER_S = 0.001; // after each CALM_S without one
-const CALM_S = 4;
+const NARROWER_S = 0.001; // after each CALM_S in which more than this was always left:
+const SPARE_S = 0.01;
+const CALM_S = 10;
+const FORGET = 0.01 / 1800; // how fast what was left least is forgotten, s per s: a rare delay must not be heard again and again
 const TOO_MUCH_S = 0.12; // above the target: what is older is left out
 const BEND = 0.004; // most that the rate is bent to steer the fill
 const FADE_S = 0.004;
@@ -34,6 +36,7 @@ class Player extends AudioWorkletProcessor {
         this.last = 0;
         this.filling = true;
         this.fill_s = this.target_s;
+        this.least_s = this.target_s; // that was left
         this.underruns = 0;
         this.calm_s = this.report_s = this.peak = 0;
     }
@@ -41,6 +44,12 @@ class Player extends AudioWorkletProcessor {
     take(values) {
         for (let i = 0; i < values.length; i++) this.ring[this.write++ & (this.size - 1)] = values[i];
         if (this.write - this.read > this.size - 8) this.read = this.write - this.target_s * this.rate_hz;
+    }
+
+    // With another target another fill would have been left.
+    aim(target_s) {
+        this.least_s += target_s - this.target_s;
+        this.target_s = target_s;
     }
 
     // Cubic interpolation between the samples around the place.
@@ -58,6 +67,7 @@ class Player extends AudioWorkletProcessor {
     process(_, [[out, ...others]]) {
         const have_s = (this.write - this.read) / this.rate_hz;
         this.fill_s += 0.02 * (have_s - this.fill_s);
+        if (!this.filling) this.least_s = Math.min(Math.max(0, have_s), this.least_s + (FORGET * out.length) / sampleRate);
         if (this.filling && have_s >= this.target_s) this.filling = false;
         if (!this.filling && have_s > this.target_s + TOO_MUCH_S && this.gain === 0)
             this.read = this.write - this.target_s * this.rate_hz;
@@ -77,7 +87,7 @@ class Player extends AudioWorkletProcessor {
             this.filling = true;
             this.underruns++;
             this.calm_s = 0;
-            this.target_s = Math.min(MOST_TARGET_S, this.target_s + WIDER_S);
+            this.aim(Math.min(MOST_TARGET_S, this.target_s + WIDER_S));
         }
         const wanted = this.filling || late ? 0 : 1;
         this.gain = wanted ? Math.min(1, this.gain + this.fade) : Math.max(0, this.gain - this.fade);
@@ -95,7 +105,7 @@ class Player extends AudioWorkletProcessor {
         this.report_s += block_s;
         if (this.calm_s > CALM_S && !this.filling) {
             this.calm_s = 0;
-            this.target_s = Math.max(LEAST_TARGET_S, this.target_s - NARROWER_S);
+            if (this.least_s > SPARE_S) this.aim(Math.max(LEAST_TARGET_S, this.target_s - NARROWER_S));
         }
         if (this.report_s < REPORT_S) return;
         this.port.postMessage({

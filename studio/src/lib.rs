@@ -11,6 +11,7 @@
 #![cfg_attr(target_family = "wasm", allow(dead_code))]
 
 mod actuators;
+mod bundle;
 mod channels;
 mod clock;
 mod describe;

@@ -41,12 +41,8 @@ const ROOM: usize = 1 << 14;
 /// The graph or the study to run.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Opened {
-    /// The graph's file.
-    #[serde(default)]
-    pub graph: PathBuf,
-    /// The study's file, in place of a graph; its data are the files in the folder `data`.
-    #[serde(default)]
-    pub study: Option<PathBuf>,
+    /// The file of the graph, or of the study, whose data are the files in the folder `data`.
+    pub file: PathBuf,
     /// Parameters that override the defaults, as RON.
     #[serde(default)]
     pub set: Vec<(String, String)>,
@@ -54,7 +50,7 @@ pub struct Opened {
 
 impl Opened {
     fn source(self, registry: &Registry) -> Source {
-        Source::new(self.graph, registry, self.set)
+        Source::new(self.file, registry, self.set)
     }
 }
 
@@ -125,25 +121,22 @@ impl Connected {
 }
 
 impl Engine {
-    /// Starts a graph or a study; its first messages are queued.
+    /// Starts a study, as [`open`](Self::open) a graph.
     ///
     /// # Errors
-    /// The errors of the graph or the study as readable text.
-    pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
-        let Some(study) = &opened.study else {
-            return Self::open_graph(opened, registry);
-        };
-        let (source, conductor) = open_study(study, registry)?;
+    /// The errors of the study as readable text.
+    pub fn open_study(opened: &Opened, registry: &Registry) -> Result<Self, String> {
+        let (source, conductor) = open_study(&opened.file, registry)?;
         let mut stage = Stage::open(source, HOST).map_err(readable)?;
         stage.begin_study(conductor);
         Ok(Self::of(stage))
     }
 
-    /// The same for graphs alone.
+    /// Starts a graph; its first messages are queued.
     ///
     /// # Errors
     /// The errors of the graph as readable text.
-    pub fn open_graph(opened: Opened, registry: &Registry) -> Result<Self, String> {
+    pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
         Ok(Self::of(Stage::open(opened.source(registry), HOST).map_err(readable)?))
     }
 
@@ -195,13 +188,16 @@ impl Engine {
     }
 
     fn work(&mut self, request: u64, work: Work) -> Value {
+        let (checks, collects) = (matches!(work, Work::Check(_)), matches!(work, Work::Files));
         if matches!(work, Work::Save(_)) {
             return talk::reply(request, Err(no_disk()));
         }
-        let applies = !matches!(work, Work::Check(_));
         let (source, text) = work.graph(&self.stage);
+        if collects {
+            return talk::files(request, &source, &text);
+        }
         let loaded = source.load(&text);
-        if !applies {
+        if checks {
             return talk::checked(request, loaded.err().as_ref(), None);
         }
         let loaded = loaded.map_err(StageError::Graph);

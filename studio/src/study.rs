@@ -1,13 +1,13 @@
 //! A study that pages conduct.
 
-use haptograph_study::conduct::{Conductor, Presentation};
+use haptograph_study::conduct::{Conduct, Presentation};
 use serde_json::Value;
 #[cfg(not(target_family = "wasm"))]
 use std::time::Instant;
 
 /// A study that is being run on a stage.
 pub(crate) struct OnStage {
-    pub conductor: Conductor,
+    pub conductor: Box<dyn Conduct + Send>,
     begun: Begun,
     /// What each kind of page was told last.
     pub told: [Value; 2],
@@ -24,7 +24,7 @@ type Begun = Instant;
 type Begun = std::time::Duration;
 
 impl OnStage {
-    pub(crate) fn new(conductor: Conductor) -> Self {
+    pub(crate) fn new(conductor: Box<dyn Conduct + Send>) -> Self {
         #[cfg(not(target_family = "wasm"))]
         let begun = Instant::now();
         #[cfg(target_family = "wasm")]

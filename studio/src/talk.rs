@@ -1,5 +1,6 @@
 //! Messages of a page and their answers, independent of the transport.
 
+use super::bundle;
 use super::describe;
 use super::error::StageError;
 use super::learn::{Compared, Dropped};
@@ -38,6 +39,8 @@ pub(crate) enum Work {
     Parameter(String, String),
     /// Write this text to the graph's file.
     Save(String),
+    /// Collect the running text and the files that it needs.
+    Files,
 }
 
 impl Work {
@@ -46,6 +49,7 @@ impl Work {
         match self {
             Self::Check(text) | Self::Apply(text) | Self::Save(text) => (stage.source.clone(), text),
             Self::Parameter(name, value) => (stage.source.with(name, value), stage.loaded.text.clone()),
+            Self::Files => (stage.source.clone(), stage.loaded.text.clone()),
         }
     }
 }
@@ -122,6 +126,7 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         ClientMessage::Own => stage.give_to(page),
         ClientMessage::Disarm => stage.disarm(),
         ClientMessage::Check { request, text } => return done_later(request, Work::Check(text)),
+        ClientMessage::Files { request } => return done_later(request, Work::Files),
         // Also of a page that is no longer the owner.
         ClientMessage::Cancel { request } => return Response::Cancel { request },
         ClientMessage::Listen { request, compared } => return Response::Listen { request, compared },
@@ -226,6 +231,19 @@ pub(crate) fn checked(request: u64, wrong: Option<&Diagnostics>, took: Option<Du
     let diagnostics = wrong.map_or(Value::Array(Vec::new()), listed);
     let ms = took.map(|took| took.as_secs_f64() * 1e3);
     json!({ "type": "reply", "request": request, "ok": wrong.is_none(), "diagnostics": diagnostics, "ms": ms })
+}
+
+/// The answer to a request of files.
+pub(crate) fn files(request: u64, source: &Source, text: &str) -> Value {
+    let loaded = source.load(text).map_err(StageError::Graph);
+    match loaded.and_then(|loaded| bundle::bundle(source, &loaded)) {
+        Ok(bundle) => {
+            let mut answer = reply(request, Ok(String::new()));
+            answer["bundle"] = bundle;
+            answer
+        }
+        Err(error) => reply(request, Err(error)),
+    }
 }
 
 /// The reply to a request, successful or not.

@@ -69,6 +69,10 @@ pub(crate) enum ClientMessage {
         request: u64,
         text: String,
     },
+    /// Send the running text and the files that it needs.
+    Files {
+        request: u64,
+    },
     /// The page's text stays, whatever another program wrote into the file.
     Keep,
     /// Send these ports.
@@ -136,6 +140,7 @@ impl ClientMessage {
             Self::Apply { .. }
                 | Self::Check { .. }
                 | Self::Save { .. }
+                | Self::Files { .. }
                 | Self::Keep
                 | Self::Learn { .. }
                 | Self::Listen { .. }
@@ -156,6 +161,7 @@ impl ClientMessage {
             | Self::Check { request, .. }
             | Self::Apply { request, .. }
             | Self::Save { request, .. }
+            | Self::Files { request }
             | Self::Replay { request, .. }
             | Self::Learn { request, .. }
             | Self::Listen { request, .. } => Some(*request),

@@ -22,7 +22,7 @@ function open({ path, set, files, beside }) {
     const module = new Module(wasm);
     for (const file of [...files, ...beside]) module.put({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) });
     try {
-        module.open(encoder.encode(JSON.stringify({ graph: path, set })));
+        module.open(encoder.encode(JSON.stringify({ file: path, set })));
     } catch (why) {
         throw new Error(why instanceof Uint8Array ? new TextDecoder().decode(why) : `${why}`);
     }
@@ -121,7 +121,7 @@ async function assertEditIsSoft({ path, set }) {
     const run = (edited) => {
         const all = files.map((file) => ({ path: encoder.encode(file), bytes: readFileSync(join(site, "files", file)) }));
         const engine = new Engine({
-            processorOptions: { wasm, files: all, opened: encoder.encode(JSON.stringify({ graph: path, set })) },
+            processorOptions: { wasm, files: all, opened: encoder.encode(JSON.stringify({ file: path, set })) },
         });
         const link = { replies: 0, postMessage: ({ bytes, text }) => (link.replies += text && /"type":"reply"/.test(decode(bytes))) };
         engine.join(link);

@@ -279,9 +279,10 @@ export async function runAll() {
     await page.evaluate(() => studio.own());
     await until(page, () => studio.status.owner);
     const attempt = async (on, name, run) => {
+        const begun_ms = performance.now();
         try {
             await run(on);
-            console.log(`ok      ${name}`);
+            console.log(`ok      ${name} (${((performance.now() - begun_ms) / 1000).toFixed(1)} s)`);
             return true;
         } catch (error) {
             await picture(on, `failed-${again.length + 1}`);

@@ -19,7 +19,7 @@ const PROBES = 20;
 function stroke(changed, interval_ms) {
     const module = new Module(wasm);
     for (const file of contents) module.put(file);
-    module.open(encoder.encode(JSON.stringify({ graph: graph.path, set: graph.set })));
+    module.open(encoder.encode(JSON.stringify({ file: graph.path, set: graph.set })));
     const rate_hz = module.driver_hz;
     const samples = [];
     let arrived = null; // samples that had been played when the changed pointer came

@@ -1,7 +1,9 @@
 // What a person works with: presets, the editor and its file, recordings, surfaces, scopes; and whether what is felt is what
 // the surface's models say.
 import assert from "node:assert/strict";
-import { appendFileSync, readFileSync } from "node:fs";
+import { execFileSync } from "node:child_process";
+import { appendFileSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
 import { join } from "node:path";
 import {
     assertSame,
@@ -16,6 +18,7 @@ import {
     open,
     pen,
     picture,
+    PROGRAM,
     programTest,
     ready,
     record,
@@ -50,6 +53,32 @@ test("a preset is saved to a file and brings the settings back", async (page) =>
     });
     await until(page, ([name, wanted]) => studio.values.get(name) === wanted, [setting.name, before]);
     await until(page, () => document.getElementById("status-text").textContent.includes("mine.json was loaded"));
+});
+
+programTest("a download holds the running text and its surface, and opens elsewhere", async (page) => {
+    await page.evaluate(() => (studio.showTab("editor"), studio.loadEditor()));
+    const before = await page.evaluate(() => studio.graph.text);
+    const changed = `${before.trimEnd()} // mine, ½\n`;
+    const other = "surfaces/t2-canvas.ron";
+    const { applied, chosen } = await page.evaluate(
+        async ([text, other]) => ({
+            applied: await studio.connection.request({ type: "apply", text }),
+            chosen: await studio.parameter("surface", JSON.stringify(other)),
+        }),
+        [changed, other],
+    );
+    assert(applied.ok && chosen.ok, JSON.stringify([applied, chosen]));
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click("#editor-download")]);
+    const folder = mkdtempSync(join(tmpdir(), "haptograph-bundle-"));
+    execFileSync("python3", ["-m", "zipfile", "-e", await download.path(), folder]);
+    const readme = readFileSync(join(folder, "texturepad/README.txt"), "utf8");
+    const [, graph, set] = readme.match(/haptograph studio (\S+) --set '?([^']*)'?\n/);
+    assert.equal(readFileSync(join(folder, "texturepad", graph), "utf8"), changed);
+    execFileSync(PROGRAM, ["run", graph, "--set", set, "--for", "0.2", "--out", "out"], { cwd: join(folder, "texturepad") });
+    const run = readFileSync(join(folder, "texturepad/out/run.json"), "utf8");
+    assert(run.includes("t2-canvas"), run.slice(0, 2000));
+    rmSync(folder, { recursive: true });
+    await page.evaluate((text) => studio.connection.request({ type: "apply", text }), before);
 });
 
 test("a pause freezes what is seen, and zoom and span act in it", async (page) => {

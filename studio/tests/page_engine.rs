@@ -19,11 +19,8 @@ use std::time::Duration;
 const BLOCK: usize = 128;
 
 fn engine(graph: &str) -> Engine {
-    let opened = Opened {
-        graph: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph),
-        set: Vec::new(),
-        study: None,
-    };
+    let opened =
+        Opened { file: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(graph), set: Vec::new() };
     Engine::open(opened, &haptograph_nodes::registry()).expect("it ships")
 }
 
@@ -117,7 +114,7 @@ fn two_drivers_in_a_page_give_the_bits_of_an_offline_run_however_the_page_cuts_t
     for drivers in [drivers.join(", "), [drivers[1], drivers[0]].join(", ")] {
         std::fs::write(&path, crossing(&drivers)).expect("written");
         let known = offline(&path, ("out", 0), 1.5);
-        let opened = Opened { graph: path.clone(), set: Vec::new(), study: None };
+        let opened = Opened { file: path.clone(), set: Vec::new() };
         let mut engine = Engine::open(opened, &haptograph_nodes::registry()).expect("it runs");
         let first = std::iter::from_fn(|| engine.next_message(0)).filter_map(|message| match message {
             Message::Text(text) => serde_json::from_str::<serde_json::Value>(&text).ok(),

@@ -5,6 +5,7 @@ import { readdirSync, readFileSync } from "node:fs";
 import test from "node:test";
 import { Abx, guessing } from "../page/abx.js";
 import { drivenOf, isRecent } from "../page/arming.js";
+import { commandOf } from "../page/bundle.js";
 import { candidates, firstScopes, Motion, replacements } from "../page/choices.js";
 import { Connection } from "../page/connection.js";
 import { scaleFor } from "../page/control.js";
@@ -25,10 +26,10 @@ import { unmoved } from "../page/pads.js";
 import { axisRange, equalRanges, extentOf, framesOf, isConstant, Points } from "../page/plotting.js";
 import { placeOf, treeOf } from "../page/ron.js";
 import { closeUp, limitsOf, sidesIn } from "../page/scene.js";
-import { zip } from "../page/study-store.js";
 import * as edit from "../page/text-changes.js";
 import { Trace } from "../page/trace.js";
 import { wavOf } from "../page/wav.js";
+import { zip } from "../page/zip.js";
 
 test("every module of the page is a module", () => {
     const folder = new URL("../page/", import.meta.url);
@@ -1147,4 +1148,49 @@ test("a point is extrapolated where a model beyond what was recorded takes part"
         ],
     );
     assert.deepEqual(axesFor(map, trail(9, 2)), [1, 1], "an impact widens the axes");
+});
+
+// The last report of a player whose sound, in blocks of 10 ms, arrives `delay_ms` after it was sent.
+async function played(span_s, delay_ms) {
+    const rate_hz = 48_000;
+    const Player = await playerOf(rate_hz);
+    const player = new Player({ processorOptions: { rate_hz } });
+    let reported;
+    player.port.postMessage = (report) => (reported = report);
+    const sent = new Float32Array(rate_hz / 100).fill(0.5);
+    const out = [[new Float32Array(128)]];
+    for (let frame = 0, next = 0; frame < span_s * rate_hz; frame += out[0][0].length) {
+        for (const now_ms = (1000 * frame) / rate_hz; 10 * next + delay_ms(10 * next) <= now_ms; next++) player.take(sent);
+        player.process(null, out);
+    }
+    return reported;
+}
+
+let player;
+async function playerOf(rate_hz) {
+    globalThis.AudioWorkletProcessor = class {
+        port = {};
+    };
+    Object.assign(globalThis, { registerProcessor: (_, kind) => (player = kind), sampleRate: rate_hz });
+    await import("../page/worklet.js");
+    return player;
+}
+
+test("sound that comes evenly is soon played with little delay, and without a gap", async () => {
+    const { underruns, target_s } = await played(400, (sent_ms) => (sent_ms * 7) % 4);
+    assert.equal(underruns, 0);
+    assert(target_s < 0.025, `${target_s}`);
+});
+
+test("a delay that comes again and again is not heard again and again", async () => {
+    for (const late_ms of [30, 60]) {
+        const { underruns } = await played(600, (sent_ms) => (sent_ms % 37_000 > 36_990 - late_ms ? 36_990 - (sent_ms % 37_000) : 0));
+        assert(underruns <= (late_ms > 40 ? 3 : 0), `${underruns} gaps by delays of ${late_ms} ms`);
+    }
+});
+
+test("what opens a download elsewhere is a line of a shell", () => {
+    assert.equal(commandOf({ graph: "graphs/mine.ron", set: [] }), "haptograph studio graphs/mine.ron");
+    const set = [["surface", '"it\'s.ron"']];
+    assert.equal(commandOf({ graph: "g.ron", set }), `haptograph studio g.ron --set 'surface="it'\\''s.ron"'`);
 });

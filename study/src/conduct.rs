@@ -14,6 +14,7 @@ use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::ARM_RISE_S;
 use serde::Deserialize;
+use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -110,6 +111,57 @@ pub struct Presentation {
     pub folder: PathBuf,
     /// Name of the run's folder, without the number of the run.
     pub name: String,
+}
+
+/// A study that is run, as its pages drive it: [`Conductor`]. As a trait object it costs a program that runs none nothing.
+pub trait Conduct {
+    /// Takes what a page says at a time of the session, s.
+    ///
+    /// # Errors
+    /// Why it is not possible now; nothing has changed then.
+    fn hear(&mut self, said: Said, now_s: f64) -> Stepped;
+
+    /// The run that was asked for has begun: it is felt from a time on that does not tell how long it took to load. Real actuators are armed
+    /// first, and felt when they have risen.
+    fn began(&mut self, now_s: f64);
+
+    /// Ports of the graph whose frames the current trial needs, and the lamp's.
+    fn ports(&self) -> Vec<String>;
+
+    /// Takes frames of one of these ports.
+    fn take(&mut self, port: &str, of: (usize, &str), frames: &[f64], now_s: f64);
+
+    /// Lets time pass, s: a prepared trial begins, an answer opens once its conditions are reached, and a recording ends; it is kept
+    /// when its run is over. A stimulus counts as felt once it was touched. `now` is whether a run goes on, and whether it is touched.
+    ///
+    /// # Errors
+    /// If the next trial cannot begin.
+    fn tick(&mut self, now_s: f64, now: (bool, bool)) -> Stepped;
+
+    /// True if a run belongs to the trial, or was asked for.
+    fn has_run(&self) -> bool;
+
+    /// True if the run of the trial goes on, with armed actuators where there are any.
+    fn is_rendering(&self) -> bool;
+
+    /// True if the participant's pad is heard now.
+    fn is_felt_at(&self, now_s: f64) -> bool;
+
+    /// Interrupts the trial, as by a STOP: it goes on when the experimenter is ready, with what was gained so far.
+    fn interrupt(&mut self, why: &'static str, now_s: f64);
+
+    /// Shows the experimenter what went wrong.
+    fn report(&mut self, why: String);
+
+    /// Says that something went wrong, such as a run that did not start, and interrupts the trial.
+    fn fail(&mut self, why: String, now_s: f64);
+
+    /// What the participant's page shows at a time of the session, s.
+    fn participant_view(&self, now_s: f64) -> Value;
+
+    /// What the experimenter's page shows at a time of the session, s. It names what is laid out, but neither surface nor version of
+    /// what is rendered: who runs the session is as blind as can be.
+    fn experimenter_view(&self, now_s: f64) -> Value;
 }
 
 /// A study that is being run.
@@ -319,39 +371,6 @@ impl Conductor {
         Ok(())
     }
 
-    /// Takes what a page says at a time of the session, s.
-    ///
-    /// # Errors
-    /// Why it is not possible now; nothing has changed then.
-    pub fn hear(&mut self, said: Said, now_s: f64) -> Stepped {
-        let heard = match said {
-            Said::Begin { code, group } => self.begin(&code, &group),
-            Said::Agree => self.agree(),
-            Said::Confirm => {
-                self.is_confirmed = true;
-                Ok(Step::None)
-            }
-            Said::Ready => self.ready(now_s),
-            Said::Start { trial } => self.start(trial, now_s),
-            Said::Feel { place } => self.feel(place, now_s),
-            Said::Answer(answer) => self.answer(&answer, now_s),
-            Said::Open => self.open_answer(now_s),
-            Said::Skip => self.skip(now_s),
-            Said::Repeat => self.repeat(),
-            Said::Pause => {
-                self.interrupt("paused", now_s);
-                Ok(Step::Silence)
-            }
-            Said::Note { text } => self.note(&text).map(|()| Step::None),
-            Said::Leave => self.leave(),
-            Said::Withdraw => self.withdraw(now_s),
-        };
-        if heard.is_ok() {
-            self.trouble = None;
-        }
-        heard
-    }
-
     fn begin(&mut self, code: &str, group: &str) -> Stepped {
         if self.seat.is_some() {
             return Err("a participant is there; end that session first".to_owned());
@@ -536,86 +555,6 @@ impl Conductor {
         Ok(if runs { Step::Present(presentation) } else { Step::Silence })
     }
 
-    /// The run that was asked for has begun: it is felt from a time on that does not tell how long it took to load. Real actuators are armed
-    /// first, and felt when they have risen.
-    pub fn began(&mut self, now_s: f64) {
-        let study = &self.checked.study;
-        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
-            && let Run::Asked(asked_s) = current.run
-        {
-            let from_s = now_s.max(asked_s + PAUSE_S);
-            let arms = !self.driven.is_empty() && current.renders(study);
-            current.run = if arms { Run::Begun(from_s) } else { Run::Armed };
-            current.since_s = Some(if arms { from_s + ARM_RISE_S } else { from_s });
-        }
-    }
-
-    /// Ports of the graph whose frames the current trial needs, and the lamp's.
-    pub fn ports(&self) -> Vec<String> {
-        let page = self.checked.study.page.as_ref();
-        let lamp = page.and_then(|page| page.lamp.as_ref()).map(|name| name.text.clone());
-        let tally = self.felt().and_then(|current| current.tallies[current.place].as_ref());
-        tally.into_iter().flat_map(Tally::ports).map(str::to_owned).chain(lamp).collect()
-    }
-
-    /// Takes frames of one of these ports.
-    pub fn take(&mut self, port: &str, of: (usize, &str), frames: &[f64], now_s: f64) {
-        let lamp = self.checked.study.page.as_ref().and_then(|page| page.lamp.as_ref());
-        if let Some(last) = frames.last().filter(|_| lamp.is_some_and(|lamp| lamp.text == port)) {
-            self.lamp = *last != 0.0;
-        }
-        if let Some(current) = self.felt_mut().filter(|current| current.has_begun(now_s))
-            && let Some(tally) = &mut current.tallies[current.place]
-        {
-            tally.take(port, of, frames);
-        }
-    }
-
-    /// Lets time pass, s: a prepared trial begins, an answer opens once its conditions are reached, and a recording ends; it is kept
-    /// when its run is over. A stimulus counts as felt once it was touched.
-    ///
-    /// # Errors
-    /// If the next trial cannot begin.
-    pub fn tick(&mut self, now_s: f64, (is_running, is_touched): (bool, bool)) -> Stepped {
-        let begins = match self.seat.as_ref().map(|seat| &seat.state) {
-            Some(State::Prepared(current)) => !self.awaits_start(current),
-            _ => false,
-        };
-        if begins {
-            return self.present(None, now_s);
-        }
-        let rises = |current: &&mut Current| matches!(current.run, Run::Begun(from_s) if now_s >= from_s);
-        if let Some(current) = self.felt_mut().filter(rises) {
-            current.run = Run::Armed;
-            return Ok(Step::Arm);
-        }
-        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
-            && current.has_begun(now_s)
-        {
-            current.felt[current.place] |= is_touched;
-            let phase = &self.checked.study.phases.0[current.trial.phase].1;
-            let is_record = matches!(phase, Phase::Record(_));
-            let is_reached = current.is_forced
-                || phase
-                    .facts()
-                    .length_s
-                    .map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
-            if current.opened_s.is_none() && is_reached {
-                current.opened_s = Some(now_s);
-                return Ok(if is_record { Step::Silence } else { Step::None });
-            }
-            if is_record && current.opened_s.is_some() && !is_running {
-                return self.keep_recording();
-            }
-        }
-        Ok(Step::None)
-    }
-
-    /// True if a run belongs to the trial, or was asked for.
-    pub fn has_run(&self) -> bool {
-        self.felt().is_some_and(|current| current.run != Run::None)
-    }
-
     /// The trial that is felt.
     fn felt(&self) -> Option<&Current> {
         let state = &self.seat.as_ref()?.state;
@@ -625,50 +564,6 @@ impl Conductor {
     fn felt_mut(&mut self) -> Option<&mut Current> {
         let state = &mut self.seat.as_mut()?.state;
         if let State::Felt(current) = state { Some(current) } else { None }
-    }
-
-    /// True if the run of the trial goes on, with armed actuators where there are any.
-    pub fn is_rendering(&self) -> bool {
-        let is_armed = |current: &Current| current.run == Run::Armed && current.renders(&self.checked.study);
-        self.felt().is_some_and(is_armed)
-    }
-
-    /// True if the participant's pad is heard now.
-    pub fn is_felt_at(&self, now_s: f64) -> bool {
-        self.felt().is_some_and(|current| current.has_begun(now_s))
-    }
-
-    /// Interrupts the trial, as by a STOP: it goes on when the experimenter is ready, with what was gained so far.
-    pub fn interrupt(&mut self, why: &'static str, now_s: f64) {
-        let Some(seat) = &mut self.seat else { return };
-        seat.state = match std::mem::replace(&mut seat.state, State::Done) {
-            State::Preparing(mut current) | State::Prepared(mut current) | State::Felt(mut current) => {
-                current.pass(now_s);
-                // The answer opens again at once, if it was open.
-                (current.run, current.opened_s) = (Run::None, None);
-                if matches!(self.checked.study.phases.0[current.trial.phase].1, Phase::Record(_)) {
-                    current.exploration_s = 0.0;
-                }
-                State::Preparing(current)
-            }
-            other => other,
-        };
-        if matches!(seat.state, State::Preparing(_)) && seat.held.is_none_or(|(before, _)| before != why) {
-            seat.held = Some((why, now_s));
-            // It is in the notes, not in the trial: a STOP is no failure.
-            let _ = self.note(why);
-        }
-    }
-
-    /// Shows the experimenter what went wrong.
-    pub fn report(&mut self, why: String) {
-        self.trouble = Some(why);
-    }
-
-    /// Says that something went wrong, such as a run that did not start, and interrupts the trial.
-    pub fn fail(&mut self, why: String, now_s: f64) {
-        self.interrupt("the run failed", now_s);
-        self.trouble = Some(why);
     }
 
     fn leave(&mut self) -> Stepped {
@@ -708,6 +603,154 @@ impl Conductor {
             State::Consent | State::Done => 0,
         };
         claim.note(trial, text).map_err(|error| error.to_string())
+    }
+}
+
+impl Conduct for Conductor {
+    fn hear(&mut self, said: Said, now_s: f64) -> Stepped {
+        let heard = match said {
+            Said::Begin { code, group } => self.begin(&code, &group),
+            Said::Agree => self.agree(),
+            Said::Confirm => {
+                self.is_confirmed = true;
+                Ok(Step::None)
+            }
+            Said::Ready => self.ready(now_s),
+            Said::Start { trial } => self.start(trial, now_s),
+            Said::Feel { place } => self.feel(place, now_s),
+            Said::Answer(answer) => self.answer(&answer, now_s),
+            Said::Open => self.open_answer(now_s),
+            Said::Skip => self.skip(now_s),
+            Said::Repeat => self.repeat(),
+            Said::Pause => {
+                self.interrupt("paused", now_s);
+                Ok(Step::Silence)
+            }
+            Said::Note { text } => self.note(&text).map(|()| Step::None),
+            Said::Leave => self.leave(),
+            Said::Withdraw => self.withdraw(now_s),
+        };
+        if heard.is_ok() {
+            self.trouble = None;
+        }
+        heard
+    }
+
+    fn began(&mut self, now_s: f64) {
+        let study = &self.checked.study;
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && let Run::Asked(asked_s) = current.run
+        {
+            let from_s = now_s.max(asked_s + PAUSE_S);
+            let arms = !self.driven.is_empty() && current.renders(study);
+            current.run = if arms { Run::Begun(from_s) } else { Run::Armed };
+            current.since_s = Some(if arms { from_s + ARM_RISE_S } else { from_s });
+        }
+    }
+
+    fn ports(&self) -> Vec<String> {
+        let page = self.checked.study.page.as_ref();
+        let lamp = page.and_then(|page| page.lamp.as_ref()).map(|name| name.text.clone());
+        let tally = self.felt().and_then(|current| current.tallies[current.place].as_ref());
+        tally.into_iter().flat_map(Tally::ports).map(str::to_owned).chain(lamp).collect()
+    }
+
+    fn take(&mut self, port: &str, of: (usize, &str), frames: &[f64], now_s: f64) {
+        let lamp = self.checked.study.page.as_ref().and_then(|page| page.lamp.as_ref());
+        if let Some(last) = frames.last().filter(|_| lamp.is_some_and(|lamp| lamp.text == port)) {
+            self.lamp = *last != 0.0;
+        }
+        if let Some(current) = self.felt_mut().filter(|current| current.has_begun(now_s))
+            && let Some(tally) = &mut current.tallies[current.place]
+        {
+            tally.take(port, of, frames);
+        }
+    }
+
+    fn tick(&mut self, now_s: f64, (is_running, is_touched): (bool, bool)) -> Stepped {
+        let begins = match self.seat.as_ref().map(|seat| &seat.state) {
+            Some(State::Prepared(current)) => !self.awaits_start(current),
+            _ => false,
+        };
+        if begins {
+            return self.present(None, now_s);
+        }
+        let rises = |current: &&mut Current| matches!(current.run, Run::Begun(from_s) if now_s >= from_s);
+        if let Some(current) = self.felt_mut().filter(rises) {
+            current.run = Run::Armed;
+            return Ok(Step::Arm);
+        }
+        if let Some(Seat { state: State::Felt(current), .. }) = &mut self.seat
+            && current.has_begun(now_s)
+        {
+            current.felt[current.place] |= is_touched;
+            let phase = &self.checked.study.phases.0[current.trial.phase].1;
+            let is_record = matches!(phase, Phase::Record(_));
+            let is_reached = current.is_forced
+                || phase
+                    .facts()
+                    .length_s
+                    .map_or_else(|| current.is_reached(), |s| current.explored_s(now_s) >= s);
+            if current.opened_s.is_none() && is_reached {
+                current.opened_s = Some(now_s);
+                return Ok(if is_record { Step::Silence } else { Step::None });
+            }
+            if is_record && current.opened_s.is_some() && !is_running {
+                return self.keep_recording();
+            }
+        }
+        Ok(Step::None)
+    }
+
+    fn has_run(&self) -> bool {
+        self.felt().is_some_and(|current| current.run != Run::None)
+    }
+
+    fn is_rendering(&self) -> bool {
+        let is_armed = |current: &Current| current.run == Run::Armed && current.renders(&self.checked.study);
+        self.felt().is_some_and(is_armed)
+    }
+
+    fn is_felt_at(&self, now_s: f64) -> bool {
+        self.felt().is_some_and(|current| current.has_begun(now_s))
+    }
+
+    fn interrupt(&mut self, why: &'static str, now_s: f64) {
+        let Some(seat) = &mut self.seat else { return };
+        seat.state = match std::mem::replace(&mut seat.state, State::Done) {
+            State::Preparing(mut current) | State::Prepared(mut current) | State::Felt(mut current) => {
+                current.pass(now_s);
+                // The answer opens again at once, if it was open.
+                (current.run, current.opened_s) = (Run::None, None);
+                if matches!(self.checked.study.phases.0[current.trial.phase].1, Phase::Record(_)) {
+                    current.exploration_s = 0.0;
+                }
+                State::Preparing(current)
+            }
+            other => other,
+        };
+        if matches!(seat.state, State::Preparing(_)) && seat.held.is_none_or(|(before, _)| before != why) {
+            seat.held = Some((why, now_s));
+            // It is in the notes, not in the trial: a STOP is no failure.
+            let _ = self.note(why);
+        }
+    }
+
+    fn report(&mut self, why: String) {
+        self.trouble = Some(why);
+    }
+
+    fn fail(&mut self, why: String, now_s: f64) {
+        self.interrupt("the run failed", now_s);
+        self.trouble = Some(why);
+    }
+
+    fn participant_view(&self, now_s: f64) -> Value {
+        self.participants(now_s)
+    }
+
+    fn experimenter_view(&self, now_s: f64) -> Value {
+        self.experimenters(now_s)
     }
 }
 

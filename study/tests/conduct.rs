@@ -2,7 +2,7 @@
 
 use haptograph_engine::registry::Registry;
 use haptograph_study::check::{Checked, StudyError};
-use haptograph_study::conduct::{Answer, Conductor, PAUSE_S, Said, Step};
+use haptograph_study::conduct::{Answer, Conduct, Conductor, PAUSE_S, Said, Step};
 use haptograph_study::data::{Folder, Row};
 use std::fs;
 use std::path::{Path, PathBuf};

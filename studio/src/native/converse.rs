@@ -339,6 +339,14 @@ async fn work_in_order(connection: Connection, mut requests: Receiver<(u64, Work
     while let Some((request, work)) = requests.recv().await {
         let answer = match work {
             Work::Check(_) => check(&connection, request, work).await,
+            Work::Files => {
+                let stage = Arc::clone(&connection.stage);
+                let collected = blocking(move || {
+                    let (source, text) = work.graph(&lock(&stage));
+                    talk::files(request, &source, &text)
+                });
+                collected.await.unwrap_or_else(|| talk::reply(request, failed()))
+            }
             Work::Apply(_) | Work::Parameter(..) | Work::Save(_) => {
                 let turn = connection.exclusive.edit.lock().await;
                 let (stage, page) = (Arc::clone(&connection.stage), connection.page);

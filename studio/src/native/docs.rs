@@ -1,7 +1,8 @@
 //! Documentation in Markdown as pages of a site.
 
-use super::export::{Site, hash, in_site, page_file, plain, with_head};
+use super::export::{Site, hash, page_file, with_head};
 use super::server::StudioError;
+use crate::bundle::{plain, relative};
 use haptograph_signal::files;
 use pulldown_cmark::{CowStr, Event, Options, Parser, Tag, TagEnd, html};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,7 +32,7 @@ pub(super) fn write(
     folder: &Path,
     graphs: &BTreeMap<String, String>,
 ) -> Result<Vec<String>, StudioError> {
-    let folder = plain(folder)?;
+    let folder = plain(folder);
     let failed = |path: &Path, error| StudioError::Other(format!("cannot read {}: {error}", path.display()));
     let read = |path: &Path| files::read(path, files::MAX_SITE_BYTES).map_err(|error| failed(path, error));
     let mut sources = files::list(&folder);
@@ -57,7 +58,7 @@ pub(super) fn write(
         site.write(&Path::new(FOLDER).join(name), page.as_bytes())?;
     }
     for path in &library.shown {
-        site.write(&Path::new(FOLDER).join(in_site(path, &folder)), &read(path)?)?;
+        site.write(&Path::new(FOLDER).join(relative(path, &folder)), &read(path)?)?;
     }
     Ok(pages.into_values().collect())
 }
@@ -113,13 +114,13 @@ impl Library<'_> {
         }
         let part = if part.is_empty() { String::new() } else { format!("#{part}") };
         let target = source.with_file_name("").join(path);
-        let Ok(target) = plain(&target) else { return (None, None) };
+        let target = plain(&target);
         if let Some(page) = self.pages.get(&target) {
             return (Some(format!("{page}{part}")), None);
         }
         let Ok(bytes) = files::read(&target, files::MAX_SITE_BYTES) else { return (None, None) };
         if target.starts_with(self.folder) {
-            let name = in_site(&target, self.folder);
+            let name = relative(&target, self.folder);
             self.shown.insert(target);
             return (Some(name), None);
         }

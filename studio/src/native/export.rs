@@ -2,8 +2,9 @@
 
 use super::assets::{ENGINE, PAGE, WHOLE_ENGINE};
 use super::docs;
+use super::gallery;
 use super::server::StudioError;
-use super::{gallery, needs};
+use crate::bundle::{self, has_unlicensed_clips, plain, relative, root_of, set_relative};
 use crate::load::{SIMULATED, Source};
 use crate::page;
 use crate::stage::Stage;
@@ -12,11 +13,10 @@ use haptograph_signal::files;
 use haptograph_study::check::{Checked, StudyError};
 use haptograph_study::conduct::Conductor;
 use haptograph_study::document::Phase;
-use haptograph_surfaces::files::load;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Content security policy of a site: its own files only. Only its engine is compiled.
 const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' data: blob:; \
@@ -24,6 +24,8 @@ const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; 
 /// Part of the page's head to which an export adds tags.
 const HEAD: &str = "<meta charset=\"utf-8\">";
 const SITE: &str = "site.json";
+/// The files of a site and their SHA-256, which no visitor waits for.
+const FILES: &str = "files.json";
 /// The engine of graphs, and the one that learns recordings and conducts studies, too.
 const MODULE: &str = "engine.wasm";
 const WHOLE: &str = "whole.wasm";
@@ -41,8 +43,6 @@ pub struct Export {
     pub folder: PathBuf,
     /// A folder of documentation in Markdown, which the site shows too.
     pub docs: Option<PathBuf>,
-    /// True if a graph that no page can run has a card that says why, in place of an error.
-    pub shows_all: bool,
 }
 
 /// Statistics of an export.
@@ -115,12 +115,11 @@ fn engine() -> Result<Modules<'static>, StudioError> {
 fn export_with(options: &Export, registry: &Registry, modules: Modules<'_>) -> Result<Exported, StudioError> {
     let (mut graphs, mut cards, mut names) = (Vec::new(), Vec::new(), BTreeSet::new());
     for path in &options.graphs {
-        let source = Source::new(plain(path)?, registry, options.set.clone());
-        let (name, mut card) = (source.name(), gallery::card(&source)?);
+        let source = Source::new(plain(path), registry, options.set.clone());
+        let (name, card) = (source.name(), gallery::card(&source)?);
         let picture = gallery::picture(&source)?;
         match take(source) {
             Ok(graph) => graphs.push(graph),
-            Err(StudioError::Other(why)) if options.shows_all => card["why"] = json!(why),
             Err(StudioError::Other(why)) => return Err(other(format!("{}: {why}", path.display()))),
             Err(wrong) => return Err(wrong),
         }
@@ -143,15 +142,16 @@ fn write_site(contents: &Contents<'_>, folder: &Path, modules: Modules<'_>) -> R
     let target = folder.canonicalize().or_else(|_| std::path::absolute(folder));
     let target = target.map_err(other)?;
     is_free(&target)?;
-    let all: BTreeSet<&PathBuf> =
-        contents.graphs.iter().flat_map(|graph| graph.files.union(&graph.beside)).collect();
+    let all: BTreeSet<PathBuf> =
+        contents.graphs.iter().flat_map(|graph| graph.files.union(&graph.beside)).cloned().collect();
     if let Some(path) = all.iter().find(|path| has_unlicensed_clips(path)) {
         return Err(other(format!(
-            "{} contains clips of a recording without a licence, which a site would give to everybody: learn it again with --licence or --no-clips, or move it out of the folder of the graph",
-            path.display()
+            "{} {}, or move it out of the folder of the graph",
+            path.display(),
+            bundle::UNLICENSED
         )));
     }
-    let root = root_of(&all);
+    let root = root_of(all.iter());
     let failed = |error: std::io::Error| other(format!("cannot export to {}: {error}", target.display()));
     let beside = target.parent().unwrap_or(Path::new("/"));
     std::fs::create_dir_all(beside).map_err(failed)?;
@@ -176,26 +176,26 @@ fn write_site(contents: &Contents<'_>, folder: &Path, modules: Modules<'_>) -> R
 fn fill(
     site: &mut Site<'_>,
     contents: &Contents<'_>,
-    (all, root): (&BTreeSet<&PathBuf>, &Path),
+    (all, root): (&BTreeSet<PathBuf>, &Path),
     modules: Modules<'_>,
 ) -> Result<(), StudioError> {
     for path in all {
         let bytes = files::read(path, files::MAX_SITE_BYTES)
             .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
-        site.write(&Path::new("files").join(in_site(path, root)), &bytes)?;
+        site.write(&Path::new("files").join(relative(path, root)), &bytes)?;
     }
     write_pages(site, contents.pages)?;
     let is_study = contents.cards.is_empty();
     for (name, module) in [MODULE, WHOLE].into_iter().zip(modules).skip(usize::from(is_study)) {
         site.write(Path::new(name), module)?;
     }
-    let mut listed = listing(&contents.graphs, is_study, all, root);
+    let listed = listing(&contents.graphs, is_study, all, root);
     if !is_study {
         for (card, picture) in &contents.cards {
             let place = Path::new(card["picture"].as_str().unwrap_or_default());
             site.write(place, picture.as_bytes())?;
         }
-        let names = contents.graphs.iter().map(|graph| (in_site(&graph.path, root), graph.name.clone()));
+        let names = contents.graphs.iter().map(|graph| (relative(&graph.path, root), graph.name.clone()));
         let docs = contents.docs.map(|folder| docs::write(site, folder, &names.collect()));
         let cards: Vec<&Value> = contents.cards.iter().map(|(card, _)| card).collect();
         let gallery = json!({ "cards": cards, "docs": docs.transpose()?.unwrap_or_default() });
@@ -205,8 +205,9 @@ fn fill(
         let worker = String::from_utf8_lossy(page_file(WORKER)).replacen(VERSION, &version, 1);
         site.write(Path::new(WORKER), worker.as_bytes())?;
     }
-    listed["sha256"] = json!(site.sha256);
-    site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())
+    site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
+    let files = json!({ "sha256": site.sha256 });
+    site.write(Path::new(FILES), format!("{files:#}\n").as_bytes())
 }
 
 /// Replaces a folder; on failure the old one is restored.
@@ -235,15 +236,17 @@ fn is_free(folder: &Path) -> Result<(), StudioError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(cannot(error)),
     }
-    let text = files::read_text(&folder.join(SITE), files::MAX_SITE_BYTES).unwrap_or_default();
-    let site: Value = serde_json::from_str(&text).unwrap_or_default();
-    if !site["haptograph"].is_string() {
+    let read = |name: &str| -> Value {
+        let text = files::read_text(&folder.join(name), files::MAX_SITE_BYTES).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    };
+    if !read(SITE)["haptograph"].is_string() {
         return Err(other(format!(
             "{} holds other files than an exported site: export to an empty or new folder",
             folder.display()
         )));
     }
-    match foreign(folder, &site["sha256"]).map_err(cannot)? {
+    match foreign(folder, &read(FILES)["sha256"]).map_err(cannot)? {
         Some(file) => Err(other(format!(
             "{} was not exported to this site, or was changed since, and would be lost: export to an empty or new folder",
             file.display()
@@ -262,12 +265,12 @@ fn foreign(site: &Path, sha256: &Value) -> std::io::Result<Option<PathBuf>> {
                 folders.push(path);
                 continue;
             }
-            let name = in_site(&path, site);
+            let name = relative(&path, site);
             let is_known = || {
                 let bytes = files::read(&path, files::MAX_SITE_BYTES)?;
                 std::io::Result::Ok(sha256[&name] == hash(&bytes))
             };
-            if name != SITE && !(kind.is_file() && sha256[&name].is_string() && is_known()?) {
+            if name != FILES && !(kind.is_file() && sha256[&name].is_string() && is_known()?) {
                 return Ok(Some(path));
             }
         }
@@ -284,11 +287,9 @@ pub(super) fn hash(bytes: &[u8]) -> String {
 fn take(source: Source) -> Result<SiteGraph, StudioError> {
     let stage = Stage::open(source, page::HOST)?;
     let graph = &stage.loaded.graph;
-    let plain =
-        |paths: Vec<PathBuf>| paths.iter().map(|path| plain(path)).collect::<Result<BTreeSet<_>, _>>();
-    let files = plain(needs::needed(graph).collect())?;
-    let beside = plain(needs::beside(stage.source.folder()).collect())?;
-    let beside = beside.difference(&files).cloned().collect();
+    let files: BTreeSet<PathBuf> = bundle::needed(graph).map(|path| plain(&path)).collect();
+    let beside = bundle::beside(stage.source.folder()).map(|path| plain(&path));
+    let beside = beside.filter(|path| !files.contains(path)).collect();
     Ok(SiteGraph {
         name: stage.source.name(),
         about: graph.about().to_owned(),
@@ -345,50 +346,14 @@ fn cannot_be_a_site(checked: &Checked) -> Option<String> {
 }
 
 /// True if a file is a surface that must not be given to others.
-fn has_unlicensed_clips(path: &Path) -> bool {
-    load(path).is_ok_and(|surface| surface.has_unlicensed_clips())
-}
-
-/// An absolute path without `.` and `..`.
-pub(super) fn plain(path: &Path) -> Result<PathBuf, StudioError> {
-    let absolute = std::path::absolute(path).map_err(other)?;
-    let mut plain = PathBuf::new();
-    for part in absolute.components() {
-        match part {
-            Component::ParentDir => {
-                plain.pop();
-            }
-            part => plain.push(part),
-        }
-    }
-    Ok(plain)
-}
-
-/// The deepest folder that contains all files.
-fn root_of(all: &BTreeSet<&PathBuf>) -> PathBuf {
-    let mut folders = all.iter().filter_map(|path| path.parent());
-    let first = folders.next().unwrap_or(Path::new("")).to_owned();
-    folders.fold(first, |root, folder| {
-        let same = root.components().zip(folder.components());
-        same.take_while(|(one, other)| one == other).map(|(one, _)| one).collect()
-    })
-}
-
-/// Path of a file within the site, with `/` as separator.
-pub(super) fn in_site(path: &Path, root: &Path) -> String {
-    let parts = path.strip_prefix(root).unwrap_or(path).components();
-    let parts = parts.map(|part| part.as_os_str().to_string_lossy().into_owned());
-    parts.collect::<Vec<_>>().join("/")
-}
-
-fn listing(graphs: &[SiteGraph], is_study: bool, all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
+fn listing(graphs: &[SiteGraph], is_study: bool, all: &BTreeSet<PathBuf>, root: &Path) -> Value {
     let graphs = graphs.iter().map(|graph| {
-        let set = graph.set.iter().map(|(name, value)| (name, set_in_site(value, all, root)));
+        let set = graph.set.iter().map(|(name, value)| (name, set_relative(value, all, root)));
         json!({
-            "name": graph.name, "about": graph.about, "path": in_site(&graph.path, root),
+            "name": graph.name, "about": graph.about, "path": relative(&graph.path, root),
             "set": set.collect::<Vec<_>>(), "rate_hz": graph.rate_hz,
-            "files": graph.files.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
-            "beside": graph.beside.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
+            "files": graph.files.iter().map(|path| relative(path, root)).collect::<Vec<_>>(),
+            "beside": graph.beside.iter().map(|path| relative(path, root)).collect::<Vec<_>>(),
         })
     });
     let mut graphs = graphs.collect::<Vec<_>>();
@@ -400,13 +365,6 @@ fn listing(graphs: &[SiteGraph], is_study: bool, all: &BTreeSet<&PathBuf>, root:
 }
 
 /// Converts a value that names a file relative to the working directory to one relative to the site's root.
-fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
-    let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
-    let path = name.and_then(|name| plain(Path::new(name)).ok());
-    let known = path.filter(|path| all.contains(path));
-    known.map_or_else(|| value.to_owned(), |path| format!("{:?}", in_site(&path, root)))
-}
-
 /// A page of a site: its file, the file that it is made of, and the tags that tell where its engine is.
 type SitePage = (&'static str, &'static str, &'static str);
 const SITE_TAG: &str = "<meta name=\"haptograph-site\" content=\"site.json\">";
@@ -469,7 +427,7 @@ impl Site<'_> {
             std::fs::create_dir_all(folder).map_err(failed)?;
         }
         std::fs::write(&path, bytes).map_err(failed)?;
-        self.sha256.insert(in_site(&path, self.folder), hash(bytes));
+        self.sha256.insert(relative(&path, self.folder), hash(bytes));
         self.exported.files += 1;
         self.exported.bytes += bytes.len() as u64;
         Ok(())
@@ -479,6 +437,7 @@ impl Site<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_surfaces::files::load;
     use haptograph_surfaces::files::save;
     use haptograph_surfaces::layers::Clips;
     use haptograph_surfaces::provenance::LICENCE;
@@ -496,7 +455,6 @@ mod tests {
             set: vec![("surface".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned())],
             folder: folder.to_owned(),
             docs: Some(shipped("../docs")),
-            shows_all: false,
         };
         export_with(&options, &haptograph_nodes::registry(), MODULES)
     }
@@ -604,7 +562,6 @@ mod tests {
             set: vec![],
             folder: site.clone(),
             docs: None,
-            shows_all: false,
         };
         let mut surface = load(&shipped("surfaces/t2-canvas.ron")).expect("it ships");
         let clips = Clips::new(&[0.3, -1.0, 0.2]).expect("an excitation");
@@ -624,19 +581,14 @@ mod tests {
     fn a_gallery_shows_each_graph_with_a_picture_of_what_it_does() {
         let folder = tempfile::tempdir().expect("a folder");
         let graphs = vec![shipped("cookbook/click.ron"), shipped("two-drivers.ron")];
-        let options =
-            Export { graphs, set: vec![], folder: folder.path().join("site"), docs: None, shows_all: true };
+        let options = Export { graphs, set: vec![], folder: folder.path().join("site"), docs: None };
         export_with(&options, &haptograph_nodes::registry(), MODULES).expect("it is written");
         let text = std::fs::read_to_string(options.folder.join(gallery::LISTING)).expect("it is listed");
         let gallery: Value = serde_json::from_str(&text).expect("JSON");
+        let of = |card: usize, name: &str| gallery["cards"][card][name].clone();
         assert_eq!(
-            (&gallery["cards"][0]["name"], &gallery["cards"][0]["why"]),
-            (&json!("click"), &Value::Null)
-        );
-        assert_eq!(gallery["cards"][0]["folder"], "cookbook");
-        assert_eq!(
-            (&gallery["cards"][1]["name"], &gallery["cards"][1]["why"]),
-            (&json!("two-drivers"), &Value::Null)
+            (of(0, "name"), of(0, "folder"), of(1, "name")),
+            (json!("click"), json!("cookbook"), json!("two-drivers"))
         );
         let picture = options.folder.join("pictures/two-drivers.svg");
         assert!(std::fs::read_to_string(picture).expect("drawn").contains("simulated"));

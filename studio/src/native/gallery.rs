@@ -3,7 +3,6 @@
 use super::lock;
 use super::server::{Options, StudioError, set_up};
 use crate::load::{Copies, Source};
-use crate::page::HOST;
 use crate::stage::Stage;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{Graph, check};
@@ -42,7 +41,7 @@ pub(super) fn card(source: &Source) -> Result<Value, StudioError> {
     let folder = source.folder().file_name().unwrap_or_default().to_string_lossy();
     let (name, about) = (source.name(), checked(source)?.about().to_owned());
     let picture = format!("pictures/{name}.svg");
-    Ok(json!({ "name": name, "about": about, "folder": folder, "picture": picture, "why": null }))
+    Ok(json!({ "name": name, "about": about, "folder": folder, "picture": picture }))
 }
 
 /// The graph of a file with simulated devices.
@@ -100,15 +99,11 @@ impl Gallery {
         Ok(stage)
     }
 
-    /// The cards of all graphs, with the reason for each that cannot run here.
+    /// The cards of all graphs.
     pub(super) fn listing(&self) -> &Value {
         self.cards.get_or_init(|| {
-            let card = |source: &Source| {
-                let mut card = card(source).ok()?;
-                card["why"] = Stage::open(source.clone(), HOST).err().map(|error| error.to_string()).into();
-                Some(card)
-            };
-            json!({ "cards": self.graphs.iter().filter_map(card).collect::<Vec<_>>(), "docs": [] })
+            let cards = self.graphs.iter().filter_map(|source| card(source).ok());
+            json!({ "cards": cards.collect::<Vec<_>>(), "docs": [] })
         })
     }
 

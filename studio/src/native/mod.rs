@@ -7,7 +7,6 @@ mod export;
 mod gallery;
 mod learn;
 mod listen;
-mod needs;
 mod pump;
 mod save;
 mod server;

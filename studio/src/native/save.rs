@@ -1,6 +1,7 @@
 //! Saving the text of a graph.
 
-use super::{lock, needs};
+use super::lock;
+use crate::bundle;
 use crate::error::StageError;
 use crate::load::Copies;
 use crate::stage::Stage;
@@ -31,7 +32,7 @@ pub(super) fn save(stage: &Mutex<Stage>, text: &str, graph: &Graph) -> Result<St
     let failed = |error: io::Error| StageError::Other(format!("cannot write {}: {error}", path.display()));
     if let Some(copies) = &source.copies {
         // The graph goes on where it is; the copy has all that it needs.
-        let files = needs::needed(graph).chain(needs::beside(source.folder()));
+        let files = bundle::needed(graph).chain(bundle::beside(source.folder()));
         { files }.try_for_each(|path| copy(copies, &path)).map_err(failed)?;
     }
     if files::read_text(path, files::MAX_SITE_BYTES).map_err(failed)? != on_disk {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 fn opened() -> Opened {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
-    Opened { graph: folder.join("texturepad.ron"), set: Vec::new(), study: None }
+    Opened { file: folder.join("texturepad.ron"), set: Vec::new() }
 }
 
 fn said(engine: &mut Engine, kind: &str) -> serde_json::Value {
@@ -49,7 +49,7 @@ fn a_wrong_edit_is_answered_before_it_reaches_the_engine() {
     };
     let wrong: serde_json::Value = serde_json::from_str(&wrong).expect("JSON");
     assert_eq!((&wrong["request"], &wrong["ok"]), (&7.into(), &false.into()));
-    let text = std::fs::read_to_string(opened().graph).expect("it ships");
+    let text = std::fs::read_to_string(opened().file).expect("it ships");
     assert_eq!(checker.answer(&ask(&text)), None);
 }
 
@@ -58,7 +58,7 @@ fn edits_are_checked_against_what_the_engine_runs() {
     let mut checker = Checker::open(opened(), &haptograph_nodes::registry()).expect("it is there");
     // Wrong wherever there is such a parameter.
     let turn = r#"{"type":"parameter","request":1,"name":"gain","value":"\"loud\""}"#;
-    let text = std::fs::read_to_string(opened().graph).expect("it ships");
+    let text = std::fs::read_to_string(opened().file).expect("it ships");
     let without = text.replace("\"gain\": 1.0,", "").replace("Param(\"gain\")", "1.0");
     assert_ne!(text, without);
     // A correct edit that the engine has not taken over changes nothing here.
@@ -74,8 +74,8 @@ fn edits_are_checked_against_what_the_engine_runs() {
 }
 
 fn engine_of(graph: &str) -> Engine {
-    let graph = opened().graph.with_file_name(graph);
-    let opened = Opened { graph, set: Vec::new(), study: None };
+    let graph = opened().file.with_file_name(graph);
+    let opened = Opened { file: graph, set: Vec::new() };
     let engine = Engine::open(opened, &haptograph_nodes::registry());
     engine.expect("it is sound")
 }
@@ -161,7 +161,7 @@ fn levels_are_sent_while_the_drawing_is_seen_with_each_nodes_part_of_the_cost() 
 #[test]
 fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
     let mut engine = engine_of("texturepad.ron");
-    let text = std::fs::read_to_string(opened().graph).expect("it ships");
+    let text = std::fs::read_to_string(opened().file).expect("it ships");
     let apply = |edits: &[(&str, &str)]| {
         let text = edits.iter().fold(text.clone(), |text, (from, to)| {
             assert!(text.contains(from), "{from}");

@@ -9,7 +9,7 @@ use super::super::wire::{ClientMessage, text};
 use super::Stage;
 use crate::actuators::driven;
 use haptograph_engine::run::ARM_HOLD_S;
-use haptograph_study::conduct::{Conductor, Presentation, Said, Step};
+use haptograph_study::conduct::{Conduct, Presentation, Said, Step};
 use serde_json::{Value, json};
 
 impl Stage {
@@ -227,8 +227,8 @@ impl Stage {
     }
 
     /// Puts a study on the stage; nothing runs before its first trial.
-    pub(crate) fn begin_study(&mut self, conductor: Conductor) {
-        self.pages.study = Some(OnStage::new(conductor));
+    pub(crate) fn begin_study(&mut self, conductor: impl Conduct + Send + 'static) {
+        self.pages.study = Some(OnStage::new(Box::new(conductor)));
         self.halt();
     }
 }

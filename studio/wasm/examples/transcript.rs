@@ -11,7 +11,7 @@ use std::time::Duration;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let graph = std::env::args_os().nth(1).ok_or("name a graph")?;
-    let opened = Opened { graph: graph.into(), set: Vec::new(), study: None };
+    let opened = Opened { file: graph.into(), set: Vec::new() };
     let mut engine = Engine::open(opened, &haptograph_nodes::registry())?;
     let mut calls = Vec::new();
     std::io::stdin().read_to_end(&mut calls)?;

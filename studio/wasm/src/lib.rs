@@ -1,4 +1,5 @@
-//! The engine of the studio as a WebAssembly module without imports: plain calls, and bytes in its own memory.
+//! The engine of the studio as a WebAssembly module without imports: plain calls, and bytes in its own memory. Two modules are made of it:
+//! `modules/engine.rs` runs graphs, `modules/whole.rs` learns recordings and conducts studies, too.
 //!
 //! Input is written to the buffer that [`haptograph_room`] returns; output is read at [`haptograph_message`] and
 //! [`haptograph_played`] before the next call. The module reads only files that [`haptograph_file`] has added. A module
@@ -8,21 +9,21 @@
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
 use haptograph_studio::page::{Checker, Engine, Message, Opened};
-#[cfg(feature = "whole")]
-use haptograph_studio::page::{Mapping, learn_recording, read_recording};
-#[cfg(feature = "whole")]
-use serde_json::json;
 use std::cell::RefCell;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+/// What a module holds.
 #[derive(Default)]
-struct State {
+pub struct State {
     engine: Option<Engine>,
-    checker: Option<Checker>,
-    room: Vec<u8>,
-    message: Vec<u8>,
+    /// What checks edits.
+    pub checker: Option<Checker>,
+    /// The input buffer.
+    pub room: Vec<u8>,
+    /// The latest message.
+    pub message: Vec<u8>,
 }
 
 thread_local! {
@@ -31,7 +32,8 @@ thread_local! {
 
 static PANIC: Mutex<String> = Mutex::new(String::new());
 
-fn with<T>(work: impl FnOnce(&mut State) -> T) -> T {
+/// Works on what the module holds.
+pub fn with<T>(work: impl FnOnce(&mut State) -> T) -> T {
     STATE.with_borrow_mut(work)
 }
 
@@ -107,14 +109,17 @@ pub extern "C" fn haptograph_participant(is_there: u32) {
     });
 }
 
-/// Starts the graph in the input buffer, `{ "graph": PATH, "set": [[NAME, VALUE]] }`, or the study, `{ "study": PATH }`. Returns 1, or 0
-/// with the reason as the message.
+/// Starts the graph in the input buffer, `{ "file": PATH, "set": [[NAME, VALUE]] }`. Returns 1, or 0 with the reason as the message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_open() -> u32 {
+    open(|opened| Engine::open(opened, &haptograph_nodes::registry()))
+}
+
+/// Starts what is in the input buffer by this function, for [`haptograph_open`].
+pub fn open(open: impl FnOnce(Opened) -> Result<Engine, String>) -> u32 {
     keep_panics();
     with(|state| {
-        let open = if cfg!(feature = "whole") { Engine::open } else { Engine::open_graph };
-        let opened = read(&state.room).and_then(|opened| open(opened, &haptograph_nodes::registry()));
+        let opened = read(&state.room).and_then(open);
         kept(opened, &mut state.engine, &mut state.message)
     })
 }
@@ -184,60 +189,6 @@ pub extern "C" fn haptograph_follow() {
     });
 }
 
-/// Learns the surface of a recording; the input buffer holds the path of its file, `path_length` bytes, and then what its columns are, as
-/// in the message `learn`. Returns 1 with the message `{ "name",
-/// "surface", "report" }`, where `surface` is the text of the surface file and `report` that of the page; or 0 with the
-/// reason as the message.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub extern "C" fn haptograph_learn(path_length: usize) -> u32 {
-    keep_panics();
-    with(|state| {
-        let (path, mapping) = state.room.split_at(path_length.min(state.room.len()));
-        let path = String::from_utf8_lossy(path);
-        let mapping = serde_json::from_slice::<Mapping>(mapping).map_err(|error| error.to_string());
-        let learned = mapping.and_then(|mapping| learn_recording(Path::new(&*path), &mapping));
-        let (message, is_learned) = match learned {
-            Ok([name, surface, report]) => {
-                let learned = json!({ "name": name, "surface": surface, "report": report });
-                (learned.to_string(), 1)
-            }
-            Err(why) => (why, 0),
-        };
-        state.message = message.into_bytes();
-        is_learned
-    })
-}
-
-/// Answers the page's message `listen` in the input buffer, whose recording is a file here. Returns 1, or 0 for another message.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub extern "C" fn haptograph_listen() -> u32 {
-    keep_panics();
-    with(|state| {
-        let said = String::from_utf8_lossy(&state.room).into_owned();
-        let answer = state.checker.as_ref().and_then(|checker| checker.listen(&said));
-        show(&mut state.message, answer)
-    })
-}
-
-/// What reading a recording finds, with the input buffer as for [`haptograph_learn`]: the message, as in the reply to `learn` with `reads`.
-/// Returns 1, or 0 with the reason as the message.
-#[cfg(feature = "whole")]
-#[unsafe(no_mangle)]
-pub extern "C" fn haptograph_read(path_length: usize) -> u32 {
-    keep_panics();
-    with(|state| {
-        let (path, mapping) = state.room.split_at(path_length.min(state.room.len()));
-        let mapping = serde_json::from_slice::<Mapping>(mapping).map_err(|error| error.to_string());
-        let read =
-            mapping.map(|mapping| read_recording(Path::new(&*String::from_utf8_lossy(path)), &mapping));
-        let (message, is_read) = read.map_or_else(|why| (why, 0), |read| (read.to_string(), 1));
-        state.message = message.into_bytes();
-        is_read
-    })
-}
-
 /// Adds a new surface to those of the graph. The input buffer holds its name, `name_length` bytes, and then its text. A
 /// checker sets the message to its path as a parameter; an engine sends its graph again. Returns 0 if a thousand
 /// surfaces of that name exist.
@@ -299,7 +250,8 @@ pub extern "C" fn haptograph_next(page: usize) -> u32 {
     })
 }
 
-fn show(message: &mut Vec<u8>, next: Option<Message>) -> u32 {
+/// Makes this the latest message; returns its kind, 0 for none.
+pub fn show(message: &mut Vec<u8>, next: Option<Message>) -> u32 {
     let (bytes, kind) = match next {
         None => return 0,
         Some(Message::Text(text)) => (text.into_bytes(), 1),
@@ -333,7 +285,8 @@ pub extern "C" fn haptograph_sound_hz() -> f64 {
     with(|state| state.engine.as_ref().and_then(Engine::sound_hz).unwrap_or(0.0))
 }
 
-fn keep_panics() {
+/// Keeps the message of a panic for [`haptograph_panic`].
+pub fn keep_panics() {
     std::panic::set_hook(Box::new(|panic| {
         *PANIC.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
     }));

@@ -1,6 +1,8 @@
 //! Answers of a session: what a trial asks for, and what is kept of it.
 
-use super::{Answer, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped, attempted};
+use super::{
+    Answer, Conduct, Conductor, Current, LONGEST, Row, Seat, State, Status, Step, Stepped, attempted,
+};
 use crate::document::{Phase, Question};
 use crate::order::Trial;
 use crate::phase::Asks;

@@ -7,8 +7,7 @@ use haptograph_engine::settings::Setting;
 use serde_json::{Map, Value, json};
 
 impl Conductor {
-    /// What the participant's page shows at a time of the session, s.
-    pub fn participant_view(&self, now_s: f64) -> Value {
+    pub(super) fn participants(&self, now_s: f64) -> Value {
         let mut view = self.participant_state(now_s);
         view["type"] = json!("participant");
         let texts = self.texts();
@@ -104,9 +103,7 @@ impl Conductor {
         }
     }
 
-    /// What the experimenter's page shows at a time of the session, s. It names what is laid out, but neither surface nor version of
-    /// what is rendered: who runs the session is as blind as can be.
-    pub fn experimenter_view(&self, now_s: f64) -> Value {
+    pub(super) fn experimenters(&self, now_s: f64) -> Value {
         let study = &self.checked.study;
         let groups = (0..study.group_count()).map(|group| {
             let name = study.group_name(group);
