@@ -110,7 +110,7 @@ for (const graph of graphs.filter(({ name }) => chosen.length === 0 || chosen.in
 }
 
 // In the audio thread: what is heard falls to silence before an edit is loaded, rises after it, and is what it was elsewhere.
-async function assertEditIsSoft({ path, set }) {
+async function assertEditIsSoft({ path, set, files }) {
     const QUANTUM = 128;
     let Engine;
     class AudioWorkletProcessor {
@@ -124,7 +124,7 @@ async function assertEditIsSoft({ path, set }) {
             processorOptions: { wasm, files: all, opened: encoder.encode(JSON.stringify({ file: path, set })) },
         });
         const link = { replies: 0, postMessage: ({ bytes, text }) => (link.replies += text && /"type":"reply"/.test(decode(bytes))) };
-        engine.join(link);
+        engine.join(link, 0);
         const heard = [];
         const sent = [...calls(engine.module.driver_hz)].filter(({ bytes }) => bytes);
         for (let quantum = 0; quantum < 500; quantum++) {

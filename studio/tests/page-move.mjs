@@ -314,3 +314,23 @@ programTest("the inputs are clean for axe and fit a phone, by day and night", as
     }
     assert.deepEqual(wrong, []);
 });
+
+test("by the keyboard alone, twelve keys lead from the opened page to a stroke with sound", async () => {
+    const page = await open({ isReady: (page) => until(page, () => window.studio?.hello && studio.graph && studio.pad) });
+    await page.evaluate(() => studio.own());
+    let presses = 0;
+    const press = (key) => (presses++, page.keyboard.press(key));
+    const go = async (id) => {
+        while (presses < 12 && !(await page.evaluate((id) => document.activeElement?.id === id, id))) await press("Tab");
+    };
+    await go("sound");
+    await press("Enter");
+    await go("pad");
+    presses++;
+    await page.keyboard.down("ArrowRight");
+    await until(page, () => studio.sound.report?.playing && studio.sound.report.peak > 1e-3);
+    await page.keyboard.up("ArrowRight");
+    console.log(`        ${presses} key presses`);
+    assert(presses <= 12, `${presses} presses`);
+    await page.context().close();
+});
