@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import secrets
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ._errors import Error
+from ._errors import Error, RangeWarning
 
 # 8 GB of float64.
 _MOST_NUMBERS = 10**9
@@ -99,6 +101,32 @@ def whole(name: str, value: Any, least: int = 0, most: int = 2**64 - 1) -> int:
     if not least <= int(value) <= most:
         raise Error(f"`{name}` is {value}: give a whole number from {least} to {most}")
     return int(value)
+
+
+def seed(name: str, value: Any) -> int:
+    """The seed that is used: the number itself, one drawn from a generator, or a fresh one."""
+    if isinstance(value, (np.random.Generator, np.random.SeedSequence)) or value is None:
+        return seeds(name, value, 1)[0]
+    return whole(name, value)
+
+
+def seeds(name: str, values: Any, count: int) -> list[int]:
+    """As many seeds: the numbers themselves, drawn from a generator, or fresh ones."""
+    if values is None:
+        return [secrets.randbits(63) for _ in range(count)]
+    if isinstance(values, np.random.Generator):
+        return values.integers(2**63, size=count).tolist()
+    if isinstance(values, np.random.SeedSequence):
+        return values.generate_state(count, np.uint64).tolist()
+    return [whole(name, value) for value in items(name, values)]
+
+
+def magnitude(name: str, velocity: np.ndarray, stacklevel: int = 3) -> np.ndarray:
+    """Speeds of what may be velocities, which have a sign."""
+    if velocity.size == 0 or not velocity.min() < 0:
+        return velocity
+    warnings.warn(f"`{name}` has negative numbers: a velocity, of which the magnitude is taken", RangeWarning, stacklevel)
+    return np.abs(velocity)
 
 
 def frames(name: str, values: Any) -> tuple[np.ndarray, bool]:

@@ -2,8 +2,45 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
+
+# What the command calls its flags, and what a call in Python names instead.
+_PAIRS = {"--column": "columns", "--unit": "units", "--constant": "constants"}
+_FLAGS = {
+    "--sample-rate HZ": "`rate=HZ`",
+    "--sample-rate": "`rate=`",
+    "--full-scale": "`full_scale=`",
+    "--strict": "`strict=True`",
+    "--accept-rate": "`accept_rate=True`",
+}
+# A value is quoted where a column has that name; it may hold anything.
+_FLAG = re.compile(
+    r"""(--column|--unit|--constant) ([a-z_]+)=("(?:[^"\\]|\\.)*"|[^\s,;()]+)|"""
+    + "|".join(map(re.escape, [*_FLAGS, *_PAIRS]))
+)
+
+
+def in_python(text: str) -> str:
+    """A message of the library, with keyword arguments in place of the command's flags."""
+
+    def keyword(found: re.Match[str]) -> str:
+        flag, name, value = found.groups()
+        if flag is None:
+            return _FLAGS.get(found.group()) or f"`{_PAIRS[found.group()]}=`"
+        quoted = value if value.startswith('"') or flag == "--constant" else f'"{value}"'
+        return f'`{_PAIRS[flag]}={{"{name}": {quoted}}}`'
+
+    return _FLAG.sub(keyword, text)
+
+
+class LearningWarning(UserWarning):
+    """What :func:`learn` could not learn, or learned from too little: see :attr:`Surface.warnings`."""
+
+
+class RangeWarning(UserWarning):
+    """Forces or speeds that were changed to what can be rendered: beyond the largest of a surface, or a signed velocity."""
 
 
 class Error(ValueError):
@@ -23,7 +60,7 @@ class Error(ValueError):
     span: tuple[int, int] | None = None
 
     def __init__(self, text: str) -> None:
-        super().__init__(text)
+        super().__init__(in_python(text))
         self.help: list[str] = []
 
 
