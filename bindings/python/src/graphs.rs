@@ -168,6 +168,12 @@ impl Graph {
         &self.name
     }
 
+    /// The text of its file, without the files that it includes.
+    #[getter]
+    fn text(&self) -> &str {
+        self.document.sources().iter().next().map_or("", |source| &source.text)
+    }
+
     #[getter]
     fn about(&self) -> &str {
         self.graph.about()

@@ -16,6 +16,7 @@ use haptograph::signal::time::Rate;
 use haptograph::surfaces::{Origin, Provenance};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -207,6 +208,36 @@ impl Recording {
             let settings = ProcessingSettings { rate_hz: rate, ..ProcessingSettings::default() };
             processed(&recording, &settings).map_err(Failure::of)
         })?;
+        Ok(Self { recording: Arc::new(AnyRecording::Processed(made)), findings: self.findings.clone() })
+    }
+
+    /// Reads the bytes of an archive.
+    #[staticmethod]
+    fn parse(py: Python<'_>, file: Vec<u8>, findings: Vec<String>) -> PyResult<Self> {
+        let made = apart(py, (None, false), move |_| library::read_archive(&file).map_err(Failure::of))?;
+        Ok(Self { recording: Arc::new(made), findings })
+    }
+
+    /// The bytes of its archive.
+    fn dump<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &py.detach(|| library::write_archive(&self.recording))?))
+    }
+
+    /// The samples from one to before another.
+    fn part(&self, py: Python<'_>, begin: usize, end: usize) -> PyResult<Self> {
+        let signals = self.signals(py)?;
+        let cut = |values: &Vec<f64>| values.get(begin..end).unwrap_or_default().to_vec();
+        let signals = Signals {
+            rate_hz: signals.rate_hz,
+            acceleration_m_s2: cut(&signals.acceleration_m_s2),
+            force_normal_n: cut(&signals.force_normal_n),
+            force_tangential_n: signals.force_tangential_n.as_ref().map(cut),
+            speed_m_s: cut(&signals.speed_m_s),
+            axes_m_s2: signals.axes_m_s2.as_ref().map(|axes| axes.get(begin..end).unwrap_or_default().to_vec()),
+        };
+        let (gesture, provenance) = (self.recording.gesture(), self.recording.provenance().clone());
+        let made = ProcessedRecording::new(signals, gesture, provenance);
+        let made = made.map_err(|error| Failure::of(error).raise(py))?;
         Ok(Self { recording: Arc::new(AnyRecording::Processed(made)), findings: self.findings.clone() })
     }
 

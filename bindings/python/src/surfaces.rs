@@ -19,10 +19,11 @@ use haptograph::surfaces::rendering::{
     SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesise_into, synthesise_with,
 };
 use haptograph::surfaces::resampling::{Method, resample_surface};
+use haptograph::surfaces::texture::VertexKind;
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -111,6 +112,18 @@ impl Surface {
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<&'static str>> {
         let surface = Arc::clone(&self.surface);
         apart(py, (None, true), move |_| files::save(&surface, &path).map_err(Failure::of))
+    }
+
+    /// Reads the bytes of a surface file.
+    #[staticmethod]
+    fn parse(py: Python<'_>, file: Vec<u8>) -> PyResult<Self> {
+        let surface = apart(py, (None, false), move |_| read_surface(&file).map_err(Failure::of))?;
+        Ok(Self { surface: Arc::new(surface), report: None })
+    }
+
+    /// The bytes of its file.
+    fn dump<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, py.detach(|| native::write(&self.surface)).as_bytes())
     }
 
     #[getter]

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from ._arrays import by_name, frames, items, number, path_name, string, whole
+from ._arrays import by_name, frames, items, number, path_name, string
+from ._arrays import seed as one_seed
+from ._content import Content
 from ._errors import Diagnostic, Error
 from ._node import Node, natives
 from ._player import Player
@@ -55,19 +57,37 @@ def _names(name: str, given: Sequence[str] | None) -> list[str] | None:
     return None if given is None else [string(name, one) for one in items(name, given)]
 
 
-class Graph:
-    """A dataflow graph: see :meth:`load` and :meth:`parse`."""
+class Graph(Content):
+    """A dataflow graph: see :meth:`load` and :meth:`parse`.
+
+    A graph never changes. Two are equal if their text, folder, parameters, seed, endpoints and own nodes are. Passed to
+    another process, it is its text: files that it names are read again there, from the same folder.
+    """
 
     _inner: _native.Graph
+    _given: tuple[str, dict[str, Any], tuple[type[Node], ...]]
 
     def __init__(self) -> None:
         raise Error("a Graph is made by `Graph.load` or `Graph.parse`")
 
     @classmethod
-    def _of(cls, native: _native.Graph) -> Graph:
+    def _of(cls, native: _native.Graph, path: str, checking: dict[str, Any], nodes: Sequence[type[Node]]) -> Graph:
         made = cls.__new__(cls)
-        made._inner = native
+        # Another process may have another working directory.
+        made._inner, made._given = native, (os.path.abspath(path), checking, tuple(nodes))
         return made
+
+    @classmethod
+    def _parse(cls, text: str, path: str, checking: dict[str, Any], nodes: Sequence[type[Node]]) -> Graph:
+        return cls._of(_native.Graph.parse(text, path, checking, natives(nodes)), path, checking, nodes)
+
+    def __reduce__(self) -> Any:
+        return Graph._parse, (self._inner.text, *self._given)
+
+    def _content(self) -> tuple[Any, ...]:
+        path, checking, nodes = self._given
+        classes = [(node.__module__, node.__qualname__) for node in nodes]
+        return (self._inner.text, path, sorted(checking.items()), classes)
 
     @classmethod
     def load(
@@ -86,8 +106,8 @@ class Graph:
             The graph file. Paths in it are relative to its folder.
         set : dict, optional
             Parameters in place of the file's: numbers, strings, lists, or RON as a string.
-        seed : int, optional
-            Seed of all random streams, in place of the file's.
+        seed : int, numpy.random.Generator or numpy.random.SeedSequence, optional
+            Seed of all random streams, in place of the file's: the number, or one drawn from the generator.
         endpoints : str, optional
             The set of endpoints that supplies the devices; ``"simulated"`` by default.
         nodes : list of classes, optional
@@ -98,7 +118,8 @@ class Graph:
         GraphError
             If the graph has errors; its text is that of the terminal.
         """
-        return cls._of(_native.Graph.load(path_name("path", path), _checking(set, seed, endpoints), natives(nodes)))
+        path, checking = path_name("path", path), _checking(set, seed, endpoints)
+        return cls._of(_native.Graph.load(path, checking, natives(nodes)), path, checking, nodes)
 
     @classmethod
     def parse(
@@ -114,8 +135,7 @@ class Graph:
 
         Messages name it `path`, and paths in it are relative to the folder of `path`.
         """
-        checking = _checking(set, seed, endpoints)
-        return cls._of(_native.Graph.parse(string("text", text), path_name("path", path), checking, natives(nodes)))
+        return cls._parse(string("text", text), path_name("path", path), _checking(set, seed, endpoints), nodes)
 
     @property
     def about(self) -> str:

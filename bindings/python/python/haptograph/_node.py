@@ -132,11 +132,13 @@ def natives(nodes: Sequence[type[Node]]) -> list[_native.NodeClass]:
 def _native_class(node: type[Node]) -> _native.NodeClass:
     if not (isinstance(node, type) and issubclass(node, Node) and node is not Node):
         raise Error(f"{node!r} is not a kind of node: give a class that is derived from hg.Node")
-    known = vars(node).get("_native_class")
-    if known is None:
-        known = _described(node)
-        node._native_class = known  # type: ignore[attr-defined]
-    return known
+    if node not in _KNOWN:
+        _KNOWN[node] = _described(node)
+    return _KNOWN[node]
+
+
+# Beside the classes, which can be passed to other processes then.
+_KNOWN: dict[type[Node], _native.NodeClass] = {}
 
 
 def _described(node: type[Node]) -> _native.NodeClass:

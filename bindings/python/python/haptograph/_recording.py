@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _native, _show
-from ._arrays import by_name, items, line, number, path_name, string
-from ._errors import Error
+from ._arrays import by_name, items, line, magnitude, number, path_name, string
+from ._content import Content
+from ._errors import Error, in_python
 from ._samples import Samples
 
 if TYPE_CHECKING:
@@ -77,6 +78,9 @@ def read(
 class Recording:
     """The signals of a tool: acceleration, forces and speed, at one rate.
 
+    A recording never changes: it is equal to another of the same content, and can be passed to other processes.
+    ``recording[a:b]`` is the part from sample `a` to before sample `b`; seconds are ``round(seconds * recording.rate)``.
+
     Parameters
     ----------
     acceleration : array_like
@@ -122,6 +126,16 @@ class Recording:
         made = cls.__new__(cls)
         made._inner = native
         return made
+
+    @classmethod
+    def _parse(cls, file: bytes, findings: list[str]) -> Recording:
+        return cls._of(_native.Recording.parse(file, findings))
+
+    def __reduce__(self) -> Any:
+        return Recording._parse, (self._inner.dump(), self._inner.findings)
+
+    def _content(self) -> tuple[bytes]:
+        return (self._inner.dump(),)
 
     @classmethod
     def from_pandas(cls, table: pandas.DataFrame, rate: float | None = None, gesture: str = "drag") -> Recording:
@@ -174,7 +188,7 @@ class Recording:
     @property
     def findings(self) -> list[str]:
         """Faults that were found in the file or the arrays, and repaired."""
-        return self._inner.findings
+        return [in_python(finding) for finding in self._inner.findings]
 
     @property
     def rate(self) -> float:
@@ -209,6 +223,15 @@ class Recording:
 
     def __len__(self) -> int:
         return self._inner.samples
+
+    def __getitem__(self, part: slice) -> Recording:
+        if not isinstance(part, slice) or part.step not in (None, 1):
+            raise Error(f"recording[{part!r}]: give a range of samples, recording[a:b]; for one signal recording.force[i]")
+        try:
+            begin, end, _ = part.indices(len(self))
+        except TypeError:
+            raise Error(f"recording[{part.start}:{part.stop}]: give whole numbers of samples") from None
+        return Recording._of(self._inner.part(begin, max(begin, end)))
 
     def processed(self, rate: float | None = None) -> Recording:
         """Convert sensor readings to accelerations, forces and speeds, as `learn` does.

@@ -6,14 +6,29 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from . import _native, _show
-from ._arrays import array, finite, items, line, number, path_name, shared, string, whole, writable
-from ._errors import Error
+from ._arrays import (
+    array,
+    finite,
+    items,
+    line,
+    magnitude,
+    number,
+    path_name,
+    seed as one_seed,
+    seeds as several_seeds,
+    shared,
+    string,
+    whole,
+    writable,
+)
+from ._content import Content
+from ._errors import Error, LearningWarning, RangeWarning, in_python
 from ._recording import Recording
 from ._samples import Samples
 
@@ -109,6 +124,17 @@ class Model:
     rate: float
     _surface: Surface
 
+    def __post_init__(self) -> None:
+        for array in (self.ar, self.ma):
+            array.flags.writeable = False
+
+    def _content(self) -> tuple[Any, ...]:
+        numbers = (self.gain, self.variance, self.warping, self.force, self.speed, self.rate)
+        return (self.ar.tobytes(), self.ma.tobytes(), numbers, self._surface._digest())
+
+    def __reduce__(self) -> Any:
+        return Model, tuple(getattr(self, field.name) for field in fields(self))
+
     def spectrum(self, frequencies: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """The power spectral density of the vibration.
 
@@ -130,19 +156,34 @@ class Model:
         return frequencies, self._surface._inner.density(self.force, self.speed, frequencies)
 
 
-class Surface:
-    """Friction, taps, texture and stiffness of one material: see :func:`learn` and :meth:`load`."""
+class Surface(Content):
+    """Friction, taps, texture and stiffness of one material: see :func:`learn` and :meth:`load`.
+
+    A surface never changes. Two are equal, with the same hash, if their files are. Passed to another process, it is its
+    file: it renders the same bits, and keeps what `learn` said of it, but for its :meth:`page`.
+    """
 
     _inner: _native.Surface
+    _notes: dict[str, Any] | None
 
     def __init__(self) -> None:
         raise Error("a Surface is made by `learn` or `Surface.load`")
 
     @classmethod
-    def _of(cls, native: _native.Surface) -> Surface:
+    def _of(cls, native: _native.Surface, notes: dict[str, Any] | None = None) -> Surface:
         made = cls.__new__(cls)
-        made._inner = native
+        made._inner, made._notes = native, notes
         return made
+
+    @classmethod
+    def _parse(cls, file: bytes, notes: dict[str, Any] | None) -> Surface:
+        return cls._of(_native.Surface.parse(file), notes)
+
+    def __reduce__(self) -> Any:
+        return Surface._parse, (self._inner.dump(), self._notes)
+
+    def _content(self) -> tuple[bytes]:
+        return (self._inner.dump(),)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Surface:
@@ -300,13 +341,16 @@ class Surface:
                 f"the texture has a rate of {own:g} Hz and contains nothing above {own / 2:g} Hz: "
                 f"render at {own:g} Hz, and resample the result to {wanted:g} Hz"
             )
-        return Surface._of(self._inner.resampled(wanted))
+        return Surface._of(self._inner.resampled(wanted), self._notes)
 
     def page(self) -> str:
-        """The page of ``haptograph learn --report``, as HTML. An error for a surface that was read from a file."""
+        """The page of ``haptograph learn --report``, as HTML. An error for a surface of a file or of another process."""
         page = self._inner.page()
         if page is None:
-            raise Error("a surface that was read from a file has no report: learn it from its recordings")
+            raise Error(
+                "a surface that was read from a file, resampled, or made in another process has no report: "
+                "learn it from its recordings here"
+            )
         return page
 
     def __repr__(self) -> str:
