@@ -87,7 +87,6 @@ def test_pandas_there_and_back(drag):
         {"force": [1.0] * 8},
         {"force": [np.inf] * 9},
         {"force": [{}] * 9},
-        {"speed": [-0.1] * 9},
         {"speed": None},
         {"rate": 0},
         {"rate": -1},
@@ -108,3 +107,26 @@ def test_notebooks_show_signals_and_sound(drag):
     shown = drag._repr_html_()
     assert shown.count("<svg") >= 3 and "data:audio/wav;base64," in shown
     assert "12 s" in repr(drag)
+
+
+def test_a_part_of_a_recording_is_one(drag):
+    part = drag[1000:-500]
+    assert type(part) is hg.Recording and len(part) == len(drag) - 1500 and part.rate == drag.rate
+    for one in ("acceleration", "force", "speed", "tangential"):
+        assert np.array_equal(getattr(part, one), getattr(drag, one)[1000:-500])
+    assert part.gesture == drag.gesture and part.origin == drag.origin and drag[:] == drag
+    for wrong in (5, slice(0, 10, 2), slice(0.0, 1.0), "speed", (slice(0, 9), 1), slice(5, 5), slice(9, 3)):
+        with pytest.raises(hg.Error):
+            drag[wrong]
+
+
+def test_what_reading_says_names_arguments_of_python(tmp_path):
+    (tmp_path / "log.csv").write_text("t,vib,grip\n" + "".join(f"{i / 1000},{i % 7},1\n" for i in range(400)))
+    with pytest.raises(hg.Error, match="`columns=") as raised:
+        hg.read(tmp_path / "log.csv")
+    assert "--" not in str(raised.value)
+    (tmp_path / "fast.csv").write_text(
+        "time_s,accel_m_s2,speed_m_s,force_normal_N\n" + "".join(f"{i / 1000},{i % 7},90,1\n" for i in range(400))
+    )
+    findings = hg.read(tmp_path / "fast.csv").findings
+    assert any('`units={"speed": "mm/s"}`' in finding for finding in findings) and "--" not in "".join(findings)

@@ -4,6 +4,7 @@ import _thread
 import pickle
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def test_the_same_seed_gives_the_same_samples(canvas):
     one = canvas.render(force, speed, seed=1)
     assert one.shape == (20_000,) and np.array_equal(one, canvas.render(force, speed, seed=1))
     assert not np.array_equal(one, canvas.render(force, speed, seed=2))
-    assert np.array_equal(canvas.render(1.0, speed), canvas.render(np.ones_like(speed), speed))
+    assert np.array_equal(canvas.render(1.0, speed, seed=1), canvas.render(np.ones_like(speed), speed, seed=1))
 
 
 def test_nothing_vibrates_at_rest_or_without_force(canvas):
@@ -90,9 +91,9 @@ def test_what_progress_raises_ends_a_rendering(canvas):
     with pytest.raises(RuntimeError, match="enough"):
         hg.render(canvas, 1.0, rows, update=0.001, progress=refuse, out=rows)
     told = []
-    whole = canvas.render(1.0, 0.1, seconds=600, progress=told.append)
+    whole = canvas.render(1.0, 0.1, seconds=600, seed=1, progress=told.append)
     assert told == sorted(told) and 0 <= told[0] <= told[-1] <= 1
-    assert np.array_equal(whole, canvas.render(1.0, 0.1, seconds=600))
+    assert np.array_equal(whole, canvas.render(1.0, 0.1, seconds=600, seed=1))
 
 
 def test_a_lower_rate_is_that_of_the_resampled_texture(canvas):
@@ -233,10 +234,10 @@ def test_other_threads_run_meanwhile(canvas):
 
 def test_many_threads_render_the_same(canvas):
     force, speed = stroke(20_000, canvas.rate)
-    wanted, got = canvas.render(force, speed), [None] * 8
+    wanted, got = canvas.render(force, speed, seed=1), [None] * 8
 
     def render(number):
-        got[number] = canvas.render(force, speed)
+        got[number] = canvas.render(force, speed, seed=1)
 
     threads = [threading.Thread(target=render, args=(number,)) for number in range(8)]
     [thread.start() for thread in threads]
@@ -256,16 +257,16 @@ def test_rows_are_rendered_at_once_and_none_depends_on_the_others(graphs, canvas
         assert np.array_equal(alone[0], many[row])
         one = surfaces[row].render(forces[row], speed, seed=5 + row)
         assert np.abs(one - many[row]).max() < 1e-9 * np.abs(one).max()
-    assert np.array_equal(hg.render(canvas, forces, speed), hg.render([canvas] * 20, forces, speed, threads=1))
+    assert np.array_equal(hg.render(canvas, forces, speed, seeds=range(20)), hg.render([canvas] * 20, forces, speed, seeds=range(20), threads=1))
 
 
 def test_rows_go_into_an_array_of_the_callers(canvas):
     force, speed = stroke(3000, canvas.rate)
     forces = np.stack([force * (1 + 0.1 * row) for row in range(5)])
-    wanted, out = hg.render(canvas, forces, speed), np.full((5, 3000), np.nan)
-    assert hg.render(canvas, forces, speed, out=out) is out and np.array_equal(out, wanted)
+    wanted, out = hg.render(canvas, forces, speed, seeds=range(5)), np.full((5, 3000), np.nan)
+    assert hg.render(canvas, forces, speed, seeds=range(5), out=out) is out and np.array_equal(out, wanted)
     # An input may be the output: it is read first.
-    assert np.array_equal(hg.render(canvas, forces, speed, out=forces), wanted)
+    assert np.array_equal(hg.render(canvas, forces, speed, seeds=range(5), out=forces), wanted)
     none = np.empty((5, 0))
     assert hg.render(canvas, none, none, out=none) is none
     read_only = np.empty((1, 3000))
@@ -286,7 +287,7 @@ def test_rows_go_into_an_array_of_the_callers(canvas):
 
 def test_rows_are_read_however_their_numbers_lie(canvas):
     force, speed = stroke(3000, canvas.rate)
-    wanted = hg.render(canvas, np.tile(force, (3, 1)), speed)
+    wanted = hg.render(canvas, np.tile(force, (3, 1)), speed, seeds=[1, 2, 3])
     wide = np.zeros((3, 6000))
     wide[:, ::-2] = force
     unaligned = np.frombuffer(b"0" + force.tobytes(), np.uint8)[1:].view(np.float64)
@@ -298,7 +299,7 @@ def test_rows_are_read_however_their_numbers_lie(canvas):
         [unaligned] * 3,
         np.tile(force, (3, 1)).astype(">f8"),
     ):
-        assert np.array_equal(hg.render(canvas, given, speed), wanted)
+        assert np.array_equal(hg.render(canvas, given, speed, seeds=[1, 2, 3]), wanted)
     assert np.array_equal(hg.render(canvas, unaligned, speed, seeds=[1, 2, 3]), wanted)
 
 
@@ -319,3 +320,109 @@ def test_hostile_rows_are_errors(canvas):
     ):
         with pytest.raises(hg.Error):
             call()
+
+
+def test_seeds_are_fresh_unless_given_and_are_stated(canvas):
+    one, other = (canvas.render(1.0, 0.1, seconds=0.1) for _ in range(2))
+    assert one.seed != other.seed and not np.array_equal(one, other)
+    assert np.array_equal(canvas.render(1.0, 0.1, seconds=0.1, seed=one.seed), one) and one[5:].seed == one.seed
+    generator = np.random.default_rng(3)
+    first, second = (canvas.render(1.0, 0.1, seconds=0.1, seed=generator) for _ in range(2))
+    assert first.seed != second.seed
+    assert first.seed == canvas.render(1.0, 0.1, seconds=0.1, seed=np.random.default_rng(3)).seed
+    sequence = np.random.SeedSequence(3)
+    assert len({canvas.render(1.0, 0.1, seconds=0.1, seed=child).seed for child in [sequence, sequence, *sequence.spawn(2)]}) == 3
+    assert canvas.render(1.0, 0.1, seconds=0.1, seed=np.uint8(7)).seed == 7
+    # The same bits, whether or not the rate is another.
+    assert canvas.render(1.0, 0.1, seconds=0.1, rate=1000, seed=7).seed == 7
+
+
+def test_rows_have_seeds_of_their_own(canvas):
+    speeds = np.full((3, 200), 0.1)
+    rows = hg.render(canvas, 1.0, speeds)
+    assert len(set(rows.seed)) == 3 and rows[1].seed == rows.seed[1] and rows[1:].seed == rows.seed[1:]
+    assert np.array_equal(hg.render(canvas, 1.0, speeds, seeds=rows.seed), rows)
+    for source in (lambda: np.random.default_rng(4), lambda: np.random.SeedSequence(4)):
+        drawn = hg.render(canvas, 1.0, speeds, seeds=source())
+        assert len(set(drawn.seed)) == 3 and drawn.seed == hg.render(canvas, 1.0, speeds, seeds=source()).seed
+    assert pickle.loads(pickle.dumps(rows)).seed == rows.seed and rows.clamped == (0, 0, 0)
+
+
+def test_a_velocity_is_taken_by_its_magnitude_with_a_warning(canvas):
+    velocity = 0.1 * np.sin(np.arange(2000) / 300)
+    wanted = canvas.render(1.0, np.abs(velocity), seed=1)
+    with pytest.warns(hg.RangeWarning, match="magnitude"):
+        assert np.array_equal(canvas.render(1.0, velocity, seed=1), wanted)
+    with pytest.warns(hg.RangeWarning, match="magnitude"):
+        rows = hg.render(canvas, 1.0, velocity, seeds=[1])
+    assert np.array_equal(rows, hg.render(canvas, 1.0, np.abs(velocity), seeds=[1]))
+    with pytest.warns(hg.RangeWarning, match="magnitude"):
+        recording = hg.Recording(wanted, np.ones(2000), velocity, canvas.rate)
+    assert np.array_equal(recording.speed, np.abs(velocity)) and velocity.min() < 0
+
+
+def test_what_is_outside_the_range_is_counted_and_warned_of_once(canvas, graphs):
+    speed = np.full(1000, 0.1)
+    speed[:300] = 2 * canvas.max_speed
+    with pytest.warns(hg.RangeWarning, match="300 of 1000") as warned:
+        made = canvas.render(1.0, speed, seed=1)
+    assert len(warned) == 1 and made.clamped == 300 and warned[0].filename == __file__
+    assert np.array_equal(made, canvas.render(1.0, np.minimum(speed, canvas.max_speed), seed=1))
+    tile = hg.Surface.load(graphs / "surfaces/t3-tile.ron")
+    with pytest.warns(hg.RangeWarning, match="300 of 2000") as warned:
+        rows = hg.render([canvas, tile], [[1.0], [1.0]], np.stack([speed, np.full(1000, 0.1)]))
+    assert len(warned) == 1 and rows.clamped == (300, 0) and warned[0].filename == __file__
+    with pytest.warns(hg.RangeWarning):
+        assert canvas.render(100.0, 0.1, seconds=0.1, rate=1000).clamped == 100
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert canvas.render(canvas.max_force, canvas.max_speed, seconds=0.1).clamped == 0
+
+
+def test_samples_show_themselves(canvas):
+    made = canvas.render(1.0, 0.1, seconds=1, seed=1)
+    assert repr(made).startswith("Samples([") and "..., " in repr(made)
+    assert repr(made).endswith(f"shape=({len(made)},), unit='m/s2', rate={made.rate:g})") and str(made).startswith("[")
+    assert "<svg" in made._repr_html_() and "data:audio/wav" in made._repr_html_()
+    rows = hg.render(canvas, np.ones((2, 1000)), 0.1)
+    assert "shape=(2, 1000)" in repr(rows) and "<svg" in rows._repr_html_()
+    for empty in (made[:0], rows[:0], rows[:, :0]):
+        assert "shape=" in repr(empty) and "<p>" in empty._repr_html_()
+
+
+def test_what_learning_warns_of_is_a_warning_and_an_attribute(drag, canvas):
+    tap = hg.Recording(drag.acceleration, drag.force, drag.speed, drag.rate, gesture="tap")
+    with pytest.warns(hg.LearningWarning, match="no taps") as warned:
+        surface = hg.learn([drag, tap])
+    assert surface.warnings == surface.missing == [str(one.message) for one in warned] != []
+    assert warned[0].filename == __file__
+    assert surface.coverage.areas == 9 and 11 < surface.coverage.seconds <= 12 and surface.coverage.record_next is None
+    with pytest.warns(hg.LearningWarning, match="learned from only 2 s"):
+        short = hg.learn(drag[: int(2 * drag.rate)])
+    assert short.coverage.areas < 9 and "mm/s" in short.coverage.record_next
+    low, high = surface.recorded_speed
+    assert 0.01 < low < high < 0.17 and high < surface.max_speed
+    low, high = surface.recorded_force
+    assert 0.2 < low < high < 2.2 and high <= surface.max_force
+    assert surface.resampled(1000).coverage == surface.coverage
+    assert canvas.coverage is canvas.recorded_force is None and canvas.warnings == []
+    thesis = hg.learn(drag, method="thesis")
+    again = hg.Surface._parse(thesis._inner.dump(), None)
+    assert again.recorded_speed == pytest.approx(thesis.recorded_speed, rel=1e-6)
+    assert again.coverage is None
+
+
+def test_messages_name_arguments_of_python(drag):
+    slow = hg.Recording(*(column[:: round(drag.rate / 100)] for column in (drag.acceleration, drag.force, drag.speed)), 100)
+    with pytest.raises(hg.Error, match=r"`accept_rate=True`"):
+        hg.learn(slow)
+    for said, wanted in {
+        'no speed; --column speed="v" --unit speed=m/s': 'no speed; `columns={"speed": "v"}` `units={"speed": "m/s"}`',
+        "choose one with --column accel=NAME": 'choose one with `columns={"accel": "NAME"}`',
+        "(or --sample-rate HZ, where rows": "(or `rate=HZ`, where rows",
+        "or --constant speed_mm_s=50)": 'or `constants={"speed_mm_s": 50}`)',
+        "leave out --strict": "leave out `strict=True`",
+        "with --full-scale": "with `full_scale=`",
+        "units with --unit": "units with `units=`",
+    }.items():
+        assert str(hg.Error(said)) == wanted

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -41,14 +41,18 @@ def _ron(value: Any) -> str:
     raise Error(f"a parameter cannot be a {type(value).__name__}: give a number, a string, or RON as a string")
 
 
-def _checking(set: Mapping[str, Any] | None, seed: int | None, endpoints: str | None) -> dict[str, Any]:
+# What gives a seed; None is that of the file.
+Seed: TypeAlias = "int | np.random.Generator | np.random.SeedSequence | None"
+
+
+def _checking(set: Mapping[str, Any] | None, seed: Seed, endpoints: str | None) -> dict[str, Any]:
     try:
         given = [(name, _ron(value)) for name, value in by_name("set", set).items()]
     except RecursionError:
         raise Error("`set` has a list that contains itself: give a list of numbers or strings") from None
     return {
         "set": given,
-        "seed": None if seed is None else whole("seed", seed),
+        "seed": None if seed is None else one_seed("seed", seed),
         "endpoints": None if endpoints is None else string("endpoints", endpoints),
     }
 
@@ -94,7 +98,7 @@ class Graph(Content):
         cls,
         path: str | os.PathLike[str],
         set: Mapping[str, Any] | None = None,
-        seed: int | None = None,
+        seed: Seed = None,
         endpoints: str | None = None,
         nodes: Sequence[type[Node]] = (),
     ) -> Graph:
@@ -127,7 +131,7 @@ class Graph(Content):
         text: str,
         path: str | os.PathLike[str] = "graph.ron",
         set: Mapping[str, Any] | None = None,
-        seed: int | None = None,
+        seed: Seed = None,
         endpoints: str | None = None,
         nodes: Sequence[type[Node]] = (),
     ) -> Graph:
@@ -181,7 +185,7 @@ class Graph(Content):
         self,
         seconds: float | None = None,
         set: Mapping[str, Any] | None = None,
-        seed: int | None = None,
+        seed: Seed = None,
         inputs: Mapping[str, Any] | None = None,
         probes: Sequence[str] | None = None,
         folder: str | os.PathLike[str] | None = None,
@@ -224,13 +228,15 @@ class Graph(Content):
             "probes": _names("probes", probes),
             "folder": None if folder is None else path_name("folder", folder),
         }
-        signals, outcome = self._inner.run(_checking(set, seed, None), request, progress)
-        return Run([Signal(**signal) for signal in signals], Outcome(**outcome))
+        checking = _checking(set, seed, None)
+        signals, outcome = self._inner.run(checking, request, progress)
+        used = self.seed if checking["seed"] is None else checking["seed"]
+        return Run([Signal(**signal) for signal in signals], Outcome(**outcome), used)
 
     def player(
         self,
         set: Mapping[str, Any] | None = None,
-        seed: int | None = None,
+        seed: Seed = None,
         hosted: Sequence[str] | None = None,
         probes: Sequence[str] = (),
         folder: str | os.PathLike[str] | None = None,

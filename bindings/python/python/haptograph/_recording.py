@@ -89,7 +89,7 @@ class Recording:
     force : array_like
         Normal force of the tool, N; of the same length.
     speed : array_like
-        Speed of the tip, m/s; of the same length.
+        Speed of the tip, m/s; of the same length. Of a signed velocity the magnitude is taken, with a warning.
     rate : float
         Samples per second of all arrays.
     tangential : array_like, optional
@@ -115,7 +115,7 @@ class Recording:
         arrays = {
             "acceleration": line("acceleration", acceleration),
             "force": line("force", force),
-            "speed": line("speed", speed),
+            "speed": magnitude("speed", line("speed", speed)),
             "tangential": None if tangential is None else line("tangential", tangential),
             "rate": number("rate", rate, 0, above=True),
         }

@@ -116,11 +116,11 @@ class Outcome:
 
 
 class Run(Mapping[str, Signal]):
-    """The signals of a run by name, and its :attr:`outcome`."""
+    """The signals of a run by name, its :attr:`outcome`, and the :attr:`seed` that it used."""
 
-    def __init__(self, signals: list[Signal], outcome: Outcome):
+    def __init__(self, signals: list[Signal], outcome: Outcome, seed: int):
         self._signals = {signal.name: signal for signal in signals}
-        self.outcome = outcome
+        self.outcome, self.seed = outcome, seed
 
     def __getitem__(self, name: str) -> Signal:
         if name not in self._signals:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from . import _native, _show
+
 
 class Samples(np.ndarray):
     """Samples over time: an array with its rate and unit.
@@ -24,17 +26,26 @@ class Samples(np.ndarray):
         Name of the quantity, ``"acceleration"``.
     axes : tuple of str
         Names of the axes: ``("time",)`` or ``("voice", "time")``.
+    seed : int, tuple of int, or None
+        The seed of the rendering that the samples are from, which gives them again; one for each row.
+    clamped : int, tuple of int, or None
+        Number of samples of that rendering whose force or speed was above the largest of the surface; one for each row.
     """
 
     rate: float
     unit: str
     quantity: str
     axes: tuple[str, ...]
+    seed: int | tuple[int, ...] | None
+    clamped: int | tuple[int, ...] | None
 
     @classmethod
-    def of(cls, values: np.ndarray, rate: float, quantity: str, unit: str) -> Samples:
+    def of(
+        cls, values: np.ndarray, rate: float, quantity: str, unit: str, seed: Any = None, clamped: Any = None
+    ) -> Samples:
         made = values.view(cls)
         made.rate, made.unit, made.quantity = float(rate), unit, quantity
+        made.seed, made.clamped = seed, clamped
         made.axes = ("voice", "time")[-values.ndim :]
         return made
 
@@ -51,8 +62,9 @@ class Samples(np.ndarray):
     def __array_wrap__(self, made: np.ndarray, *_: Any) -> Any:
         return _plain(made)
 
-    def _like(self, values: np.ndarray) -> Samples:
-        return Samples.of(values, self.rate, self.quantity, self.unit)
+    def _like(self, values: np.ndarray, rows: Any = slice(None)) -> Samples:
+        of_rows = [one[rows] if isinstance(one, tuple) else one for one in (self.seed, self.clamped)]
+        return Samples.of(values, self.rate, self.quantity, self.unit, *of_rows)
 
     def __getattribute__(self, name: str) -> Any:
         """Methods and properties of arrays are those of a plain one, but for those that keep what it knows."""
@@ -75,7 +87,7 @@ class Samples(np.ndarray):
         is_part = all(isinstance(one, slice) and one.step in (None, 1) for one in (first, *more))
         # A row of several is the samples of one.
         is_row = self.ndim == 2 and type(first) is int and all(isinstance(one, slice) and one.step in (None, 1) for one in more)
-        return self._like(found) if is_part or is_row else found
+        return self._like(found, first) if is_part or is_row else found
 
     @property
     def times(self) -> np.ndarray:
@@ -83,11 +95,24 @@ class Samples(np.ndarray):
         return np.arange(self.shape[-1]) / self.rate
 
     def __reduce__(self) -> Any:
-        return Samples.of, (self.view(np.ndarray), self.rate, self.quantity, self.unit)
+        return Samples.of, (self.view(np.ndarray), self.rate, self.quantity, self.unit, self.seed, self.clamped)
+
+    def __repr__(self) -> str:
+        shown = np.array2string(self.view(np.ndarray), precision=4, threshold=6, edgeitems=3, separator=", ", max_line_width=120)
+        return f"Samples({shown}, shape={self.shape}, unit={self.unit!r}, rate={self.rate:g})"
+
+    def _repr_html_(self) -> str:
+        """The first row over time, as a picture and, where it is a vibration, as sound."""
+        row = self.view(np.ndarray).reshape(-1, self.shape[-1])[:1].reshape(-1, 1) if self.size else np.empty((0, 1))
+        seconds = row.size / self.rate
+        title = f"{self.quantity}, {self.unit}, shape {self.shape}: {seconds:g} s at {self.rate:g} Hz"
+        figures = "".join(_native.figures(self.quantity, self.quantity, self.rate, np.ascontiguousarray(row), False))
+        audible = self.quantity == "acceleration" and self.rate >= 1000
+        return f"<p>{title}</p>{figures}" + (_show.audio(row[:, 0], self.rate, "as loud as it can be") if audible else "")
 
 
 # What is not left to a plain array: what it knows, and what NumPy needs to know of the array itself.
-_OWN = {"rate", "unit", "quantity", "axes", "times", "of", "copy", "view", "ndim", "shape", "dtype", "size", "base", "flags"}
+_OWN = {"rate", "unit", "quantity", "axes", "seed", "clamped", "times", "of", "copy", "view", "ndim", "shape", "dtype", "size", "base", "flags"}
 
 
 def _plain(value: Any) -> Any:

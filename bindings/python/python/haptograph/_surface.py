@@ -33,6 +33,19 @@ from ._recording import Recording
 from ._samples import Samples
 
 _MOST_SAMPLES = 10**9
+# Of forces and speeds that come from other units.
+_ROUNDING = 1 + 1e-9
+
+
+def _warn_of_clamped(samples: int, of: int, surfaces: list[Surface]) -> None:
+    force, speed = min(one.max_force for one in surfaces), min(one.max_speed for one in surfaces)
+    name = f"{surfaces[0].name!r}" if len(surfaces) == 1 else "one of the surfaces"
+    warnings.warn(
+        f"{samples} of {of} samples have a force above {force:.4g} N or a speed above {speed:.4g} m/s, the largest of {name}: "
+        "they are rendered as if at that",
+        RangeWarning,
+        stacklevel=3,
+    )
 
 
 def learn(
@@ -261,7 +274,7 @@ class Surface(Content):
         speed: Any,
         seconds: float | None = None,
         rate: float | None = None,
-        seed: int = 1,
+        seed: int | np.random.Generator | np.random.SeedSequence | None = None,
         update: float = 240.0,
         progress: Callable[[float], object] | None = None,
     ) -> Samples:
@@ -272,15 +285,16 @@ class Surface(Content):
         force : float or array_like
             Normal force, N; one for each sample, or one for all.
         speed : float or array_like
-            Speed, m/s; one for each sample, or one for all.
+            Speed, m/s; one for each sample, or one for all. Of a signed velocity the magnitude is taken.
         seconds : float, optional
             Duration, s, if neither force nor speed is an array.
         rate : float, optional
             Samples per second of the arrays and the result; by default the texture's own, :attr:`rate`. For a lower
             rate the texture is resampled in each call: for many calls, do that once with :meth:`resampled`. At a higher
             rate the result contains nothing above half of the texture's own rate.
-        seed : int
-            The same seed gives the same samples.
+        seed : int, numpy.random.Generator or numpy.random.SeedSequence, optional
+            The same whole number gives the same samples, and so does the same sequence; a generator gives others in each
+            call. By default the seed is a fresh one. ``samples.seed`` is the number that was used.
         update : float
             Rate at which the filter follows force and speed, Hz.
         progress : callable, optional
@@ -290,12 +304,18 @@ class Surface(Content):
         Returns
         -------
         Samples
-            Acceleration, m/s2, shape (samples,).
+            Acceleration, m/s2, shape (samples,). ``samples.clamped`` counts the samples whose force or speed is above
+            the largest of the surface, at which they are rendered.
+
+        Warns
+        -----
+        RangeWarning
+            If there are such samples, or a speed has a sign.
         """
-        own = self.rate
-        wanted = own if rate is None else number("rate", rate, 0, above=True)
-        if wanted < own:
-            return self.resampled(wanted).render(force, speed, seconds, seed=seed, update=update, progress=progress)
+        surface, wanted = self, self.rate if rate is None else number("rate", rate, 0, above=True)
+        if wanted < self.rate:
+            surface = self.resampled(wanted)
+        own, seed, update = surface.rate, one_seed("seed", seed), number("update", update, 0, above=True)
         for name, given in (("force", force), ("speed", speed)):
             if isinstance(given, Samples) and given.rate != wanted:
                 raise Error(f"`{name}` has {given.rate:g} Hz, the result {wanted:g} Hz: give `rate={given.rate:g}`")
@@ -313,18 +333,26 @@ class Surface(Content):
             force, speed = np.broadcast_arrays(force, speed)
         except ValueError:
             raise Error(f"force has shape {force.shape}, speed {speed.shape}: give arrays of the same length") from None
-        force, speed = line("force", force), line("speed", speed)
-        seed, update = whole("seed", seed), number("update", update, 0, above=True)
-        count = len(force)
+        force, speed = line("force", force), magnitude("speed", line("speed", speed))
+        count, clamped = len(force), surface._outside(force, speed)
+        if clamped:
+            _warn_of_clamped(clamped, count, [surface])
         if wanted > own:
             # The force and speed at the texture's own samples.
             places = np.floor(np.arange(math.ceil(count * own / wanted)) * (wanted / own)).astype(np.int64)
             places = np.minimum(places, count - 1)
             force, speed = force[places], speed[places]
-        made = self._inner.render(force, speed, seed, update, progress)
+        made = surface._inner.render(force, speed, seed, update, progress)
         if wanted > own:
             made = _native.resample(made, own, wanted, count)
-        return Samples.of(made, wanted, "acceleration", "m/s2")
+        return Samples.of(made, wanted, "acceleration", "m/s2", seed, clamped)
+
+    def _outside(self, force: np.ndarray, speed: np.ndarray) -> int:
+        """Number of samples above the largest force or speed, but for rounding."""
+        most_force, most_speed = self.max_force * _ROUNDING, self.max_speed * _ROUNDING
+        if force.size == 0 or not (force.max() > most_force or speed.max() > most_speed):
+            return 0
+        return int(np.count_nonzero((force > most_force) | (speed > most_speed)))
 
     def resampled(self, rate: float) -> Surface:
         """Copy of the surface with its texture at a lower rate, by the best method of ``haptograph surface resample``.
@@ -469,8 +497,8 @@ def render(
         One surface for all rows, or one for each; all of the same rate.
     force, speed : array_like
         Force in N and speed in m/s, shape (rows, samples), or (samples,) for all rows.
-    seeds : sequence of int, optional
-        One seed for each row; 1, 2, 3, ... by default.
+    seeds : sequence of int, numpy.random.Generator or numpy.random.SeedSequence, optional
+        One seed for each row, a generator or a sequence that gives them; fresh ones by default. ``samples.seed`` has them.
     update : float
         Rate at which the filters follow force and speed, Hz.
     threads : int, optional
@@ -484,7 +512,12 @@ def render(
     Returns
     -------
     Samples
-        Acceleration, m/s2, shape (rows, samples); `out` itself if it is given.
+        Acceleration, m/s2, shape (rows, samples); `out` itself if it is given, which has no seeds and counts.
+
+    Warns
+    -----
+    RangeWarning
+        As :meth:`Surface.render`.
     """
     surfaces = [surfaces] if isinstance(surfaces, Surface) else items("surfaces", surfaces)
     if not surfaces or not all(isinstance(one, Surface) for one in surfaces):
@@ -493,8 +526,10 @@ def render(
         raise Error("the surfaces have different rates: render those of one rate at once")
     # Neither is copied: few of the samples are read.
     given = [np.atleast_2d(shared(name, x)) for name, x in (("force", force), ("speed", speed))]
+    given[1] = magnitude("speed", given[1])
+    is_drawn = seeds is None or isinstance(seeds, (np.random.Generator, np.random.SeedSequence))
     try:
-        seeded = 0 if seeds is None else len(seeds)
+        seeded = 0 if is_drawn else len(seeds)
     except (TypeError, OverflowError):
         raise Error(f"`seeds` is {seeds!r}: give a list with one whole number for each row") from None
     rows = max(len(surfaces), seeded, *(len(one) for one in given))
@@ -508,13 +543,12 @@ def render(
         ) from None
     if force.ndim != 2:
         raise Error(f"force and speed have shape {force.shape}: give (rows, samples)")
-    if len(surfaces) not in (1, rows) or (seeds is not None and seeded != rows):
+    if len(surfaces) not in (1, rows) or (not is_drawn and seeded != rows):
         raise Error(f"{len(surfaces)} surfaces and {seeded} seeds for {rows} rows: give one for each")
     if force.size > _MOST_SAMPLES:
         raise Error(f"{force.size:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
     inner = [one._inner for one in surfaces] * (rows if len(surfaces) == 1 else 1)
-    seeds = range(1, rows + 1) if seeds is None else seeds
-    seeds = [whole("seeds", seed) for seed in items("seeds", seeds)]
+    seeds = several_seeds("seeds", seeds, rows)
     threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
     update = number("update", update, 0, above=True)
     made = np.empty(force.shape) if out is None else writable("out", out, force.shape)
@@ -524,5 +558,22 @@ def render(
         finite(name, one)
         # Read while it is in the cache. It is a copy, checked again: another thread may have changed what was checked.
         points.append(finite(name, everywhere.take(read, axis=1)))
+    clamped = _outside_by_row(surfaces, given, force, speed)
+    if any(clamped):
+        _warn_of_clamped(sum(clamped), force.size, surfaces)
     _native.render(inner, *points, seeds, update, threads, progress, made)
-    return Samples.of(made, surfaces[0].rate, "acceleration", "m/s2") if out is None else out
+    if out is not None:
+        return out
+    return Samples.of(made, surfaces[0].rate, "acceleration", "m/s2", tuple(seeds), clamped)
+
+
+def _outside_by_row(
+    surfaces: list[Surface], given: list[np.ndarray], force: np.ndarray, speed: np.ndarray
+) -> tuple[int, ...]:
+    """Number of samples of each row above the largest force or speed of its surface."""
+    limits = [min(one.max_force for one in surfaces), min(one.max_speed for one in surfaces)]
+    # What is not broadcast is looked through first: once, and mostly in vain.
+    if force.size == 0 or not any(one.max() > most * _ROUNDING for one, most in zip(given, limits)):
+        return (0,) * len(force)
+    each = surfaces * (len(force) if len(surfaces) == 1 else 1)
+    return tuple(one._outside(*row) for one, *row in zip(each, force, speed))
