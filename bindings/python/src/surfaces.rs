@@ -4,8 +4,8 @@ use crate::errors::Failure;
 use crate::recordings::Recording;
 use crate::work::{apart, apart_within};
 use haptograph::learning::learn::law::LawSettings;
-use haptograph::learning::learn::texture::TextureSettings;
-use haptograph::learning::learn::{self as library, LearnSettings, LearningReport, TextureMethod};
+use haptograph::learning::learn::texture::{Fate, TextureSettings};
+use haptograph::learning::learn::{self as library, LearnError, LearnSettings, LearningReport, TextureMethod};
 use haptograph::learning::metrics::{self, BandErrors, Bands, WindowSettings};
 use haptograph::learning::processing::ProcessingSettings;
 use haptograph::learning::recording::{AnyRecording, remove_offset};
@@ -14,7 +14,7 @@ use haptograph::report::learning::page;
 use haptograph::report::plot::{Axis, Plot};
 use haptograph::signal::resample::{Quality, resample_whole};
 use haptograph::signal::time::Rate;
-use haptograph::surfaces::files;
+use haptograph::surfaces::files::{self, native, read_surface};
 use haptograph::surfaces::rendering::{
     SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesise_into, synthesise_with,
 };
@@ -86,7 +86,10 @@ pub(crate) fn learn(
     let (surface, report) = apart(py, (progress, false), move |progress| {
         let recordings: Vec<AnyRecording> = recordings.iter().map(|one| (**one).clone()).collect();
         let learned = library::learn(&name, &recordings, &settings, &|part| progress.at_or_end(part));
-        learned.map_err(Failure::of)
+        learned.map_err(|error| match error {
+            LearnError::Slow { .. } => Failure::of(format!("{error}; `accept_rate=True` learns from it as it is")),
+            error => Failure::of(error),
+        })
     })?;
     Ok(Surface { surface: Arc::new(surface), report: Some(Arc::new(report)) })
 }
@@ -154,17 +157,34 @@ impl Surface {
         self.surface.taps.as_ref().map_or(0, |taps| taps.taps().len())
     }
 
-    /// Parts that could not be learned, with the reasons.
+    /// Parts that could not be learned, with the reasons: of the report, or of the file.
     #[getter]
     fn missing(&self) -> Vec<String> {
-        let report = self.report.iter();
-        report.flat_map(|report| report.missing.iter().map(ToString::to_string)).collect()
+        if let Some(report) = &self.report {
+            return report.missing.iter().map(ToString::to_string).collect();
+        }
+        let settings = self.surface.provenance.settings.iter();
+        let missing = settings.filter_map(|(name, reason)| Some((name.strip_prefix("not learned: ")?, reason)));
+        missing.map(|(part, reason)| format!("{reason}; the surface has no {part}")).collect()
     }
 
-    /// What the vibration lacks because of its rate.
-    #[getter]
-    fn narrow_band(&self) -> Option<String> {
-        Some(self.report.as_ref()?.band?.to_string())
+    /// What a texture was learned from: duration, segments, areas of the plane with enough of them, what to record next, and
+    /// whether that is too little; with what the vibration lacks because of its rate. None if it was not learned here.
+    fn learned<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let (Some(texture), Some(report)) = (&self.surface.texture, &self.report) else { return Ok(None) };
+        let segments = report.texture.iter().flat_map(|texture| &texture.segments);
+        let segments: Vec<_> = segments.filter(|segment| segment.fate == Fate::Kept).cloned().collect();
+        let covered = library::coverage(&segments, texture.rate_hz());
+        let found = PyDict::new(py);
+        found.set_item("seconds", covered.used_s)?;
+        found.set_item("segments", covered.segments)?;
+        found.set_item("areas", 9 - covered.missing().len())?;
+        found.set_item("record_next", covered.next_to_record())?;
+        found.set_item("is_short", covered.is_short())?;
+        found.set_item("narrow_band", report.band.map(|band| band.to_string()))?;
+        let places = segments.iter().map(|segment| (segment.speed_m_s, segment.force_n));
+        found.set_item("places", places.collect::<Vec<_>>())?;
+        Ok(Some(found))
     }
 
     /// Samples per second of the texture.
@@ -183,6 +203,12 @@ impl Surface {
     /// The models' speeds and forces.
     fn places(&self, py: Python<'_>) -> PyResult<Vec<(f64, f64)>> {
         let models = self.texture(py)?.models().iter();
+        Ok(models.map(|model| (model.speed_m_s, model.force_n)).collect())
+    }
+
+    /// Those of the models that were learned from data of this speed and force.
+    fn measured(&self, py: Python<'_>) -> PyResult<Vec<(f64, f64)>> {
+        let models = self.texture(py)?.models().iter().filter(|model| model.kind == VertexKind::Measured);
         Ok(models.map(|model| (model.speed_m_s, model.force_n)).collect())
     }
 

@@ -89,6 +89,11 @@ def learn(
     -------
     Surface
         The surface; ``surface.missing`` lists the parts that could not be learned, with the reasons.
+
+    Warns
+    -----
+    LearningWarning
+        Of what is in :attr:`Surface.warnings`.
     """
     given = [recordings] if isinstance(recordings, Recording) else items("recordings", recordings)
     for one in given:
@@ -102,13 +107,55 @@ def learn(
         "clips": bool(clips),
     }
     native = _native.learn(string("name", name), [one._inner for one in given], settings, progress)
-    if native.narrow_band:
-        warnings.warn(native.narrow_band, stacklevel=2)
-    return Surface._of(native)
+    surface = Surface._of(native, _notes(native, given))
+    for warning in surface.warnings:
+        warnings.warn(warning, LearningWarning, stacklevel=2)
+    return surface
+
+
+def _notes(native: _native.Surface, recordings: list[Recording]) -> dict[str, Any]:
+    """What is known of a surface that was learned, and is not in its file."""
+    warned, notes = [], {"missing": [in_python(one) for one in native.missing]}
+    if (learned := native.learned()) is not None:
+        if learned["narrow_band"] is not None:
+            warned.append(in_python(learned["narrow_band"]))
+        seconds, segments = learned["seconds"], learned["segments"]
+        if learned["is_short"]:
+            warned.append(
+                f"the texture is learned from only {seconds:.3g} s in {segments} segments; "
+                "record at least 3 s and 3 segments, preferably 10 s"
+            )
+        # Numbers in a wrong unit say nothing of where more is needed.
+        is_implausible = any("the largest " in finding for one in recordings for finding in one.findings)
+        notes["coverage"] = Coverage(learned["areas"], seconds, segments, None if is_implausible else learned["record_next"])
+        notes["places"] = learned["places"]
+    return {**notes, "warnings": warned + notes["missing"]}
 
 
 @dataclass(frozen=True)
-class Model:
+class Coverage:
+    """How much of the plane of force and speed a texture was learned from: see :attr:`Surface.coverage`.
+
+    Attributes
+    ----------
+    areas : int
+        Number of areas with enough data, of 9: slow, medium and fast by light, medium and firm.
+    seconds : float
+        Duration of what was learned from, s.
+    segments : int
+        Number of stretches that it is made of.
+    record_next : str or None
+        The areas to record next; None if there is none.
+    """
+
+    areas: int
+    seconds: float
+    segments: int
+    record_next: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Model(Content):
     """The filter that shapes white noise into the vibration of a surface at one force and speed.
 
     Attributes
@@ -240,8 +287,38 @@ class Surface(Content):
 
     @property
     def missing(self) -> list[str]:
-        """Parts that could not be learned, with the reasons."""
-        return self._inner.missing
+        """Parts that could not be learned, with the reasons; a file has them too."""
+        return list(self._notes["missing"]) if self._notes else self._inner.missing
+
+    @property
+    def warnings(self) -> list[str]:
+        """What :func:`learn` warned of: a narrow band, too little data, missing parts. Of a file the missing parts alone."""
+        return list(self._notes["warnings"]) if self._notes else self.missing
+
+    @property
+    def coverage(self) -> Coverage | None:
+        """How much of the plane of force and speed it was learned from; None if it was read from a file."""
+        return self._notes.get("coverage") if self._notes else None
+
+    def _recorded(self, axis: int) -> tuple[float, float] | None:
+        places = self._notes.get("places") if self._notes else self._inner.measured()
+        values = [place[axis] for place in places or []]
+        return (min(values), max(values)) if values else None
+
+    @property
+    def recorded_speed(self) -> tuple[float, float] | None:
+        """Least and largest speed that was recorded, m/s; beyond it the texture is extrapolated, up to :attr:`max_speed`.
+
+        Means of short stretches of the recordings. A file does not have them: of one, the range of the models that were
+        learned at their place, as by the thesis's method and in the toolkit's files; None for a law, whose models lie on a
+        grid.
+        """
+        return self._recorded(0)
+
+    @property
+    def recorded_force(self) -> tuple[float, float] | None:
+        """Least and largest normal force that was recorded, N: as :attr:`recorded_speed`."""
+        return self._recorded(1)
 
     @property
     def rate(self) -> float:
