@@ -5,6 +5,7 @@
 
 mod batches;
 mod errors;
+mod evaluation;
 mod graphs;
 mod players;
 mod prototypes;
@@ -18,6 +19,8 @@ mod work;
 mod _native {
     #[pymodule_export]
     use crate::batches::{batch, merge};
+    #[pymodule_export]
+    use crate::evaluation::{evaluate, identify, sweep};
     #[pymodule_export]
     use crate::graphs::Graph;
     #[pymodule_export]

@@ -47,7 +47,7 @@ pub(crate) struct Import {
 }
 
 impl Import {
-    fn settings(&self) -> Result<ImportSettings, Failure> {
+    pub(crate) fn settings(&self) -> Result<ImportSettings, Failure> {
         let mut settings = ImportSettings {
             rate_hz: self.rate,
             full_scale_m_s2: self.full_scale,
@@ -233,7 +233,10 @@ impl Recording {
             force_normal_n: cut(&signals.force_normal_n),
             force_tangential_n: signals.force_tangential_n.as_ref().map(cut),
             speed_m_s: cut(&signals.speed_m_s),
-            axes_m_s2: signals.axes_m_s2.as_ref().map(|axes| axes.get(begin..end).unwrap_or_default().to_vec()),
+            axes_m_s2: signals
+                .axes_m_s2
+                .as_ref()
+                .map(|axes| axes.get(begin..end).unwrap_or_default().to_vec()),
         };
         let (gesture, provenance) = (self.recording.gesture(), self.recording.provenance().clone());
         let made = ProcessedRecording::new(signals, gesture, provenance);

@@ -5,7 +5,9 @@ use crate::recordings::Recording;
 use crate::work::{apart, apart_within};
 use haptograph::learning::learn::law::LawSettings;
 use haptograph::learning::learn::texture::{Fate, TextureSettings};
-use haptograph::learning::learn::{self as library, LearnError, LearnSettings, LearningReport, TextureMethod};
+use haptograph::learning::learn::{
+    self as library, LearnError, LearnSettings, LearningReport, TextureMethod,
+};
 use haptograph::learning::metrics::{self, BandErrors, Bands, WindowSettings};
 use haptograph::learning::processing::ProcessingSettings;
 use haptograph::learning::recording::{AnyRecording, remove_offset};
@@ -87,7 +89,9 @@ pub(crate) fn learn(
         let recordings: Vec<AnyRecording> = recordings.iter().map(|one| (**one).clone()).collect();
         let learned = library::learn(&name, &recordings, &settings, &|part| progress.at_or_end(part));
         learned.map_err(|error| match error {
-            LearnError::Slow { .. } => Failure::of(format!("{error}; `accept_rate=True` learns from it as it is")),
+            LearnError::Slow { .. } => {
+                Failure::of(format!("{error}; `accept_rate=True` learns from it as it is"))
+            }
             error => Failure::of(error),
         })
     })?;
@@ -95,7 +99,7 @@ pub(crate) fn learn(
 }
 
 impl Surface {
-    fn texture(&self, py: Python<'_>) -> PyResult<&TextureModel> {
+    pub(crate) fn texture(&self, py: Python<'_>) -> PyResult<&TextureModel> {
         let none =
             || Failure::Message(format!("the surface {:?} has no texture", self.surface.name)).raise(py);
         self.surface.texture.as_ref().ok_or_else(none)
@@ -164,7 +168,8 @@ impl Surface {
             return report.missing.iter().map(ToString::to_string).collect();
         }
         let settings = self.surface.provenance.settings.iter();
-        let missing = settings.filter_map(|(name, reason)| Some((name.strip_prefix("not learned: ")?, reason)));
+        let missing =
+            settings.filter_map(|(name, reason)| Some((name.strip_prefix("not learned: ")?, reason)));
         missing.map(|(part, reason)| format!("{reason}; the surface has no {part}")).collect()
     }
 
@@ -413,8 +418,18 @@ pub(crate) fn compare<'py>(
         let of_b = counted.of_signal([&b[..both]], rate);
         Ok((windows, BandErrors::new(&of_a, &of_b)))
     })?;
-    let any = |value: f64| (!bands.bands.is_empty()).then_some(value);
     let found = PyDict::new(py);
+    put_bands(&found, &bands)?;
+    found.set_item("nse", windows.nse)?;
+    found.set_item("pe", windows.pe)?;
+    found.set_item("windows", windows.windows)?;
+    found.set_item("findings", findings)?;
+    Ok(found)
+}
+
+/// Puts errors of bands into a dictionary.
+pub(crate) fn put_bands(found: &Bound<'_, PyDict>, bands: &BandErrors) -> PyResult<()> {
+    let any = |value: f64| (!bands.bands.is_empty()).then_some(value);
     found.set_item("lsd", any(bands.lsd_db))?;
     found.set_item("lsd_100_500", bands.middle_lsd_db)?;
     found.set_item("lsd_40_250", any(bands.pacinian_lsd_db))?;
@@ -422,12 +437,7 @@ pub(crate) fn compare<'py>(
     found.set_item("low", bands.low_db)?;
     found.set_item("total", any(bands.total_db))?;
     found.set_item("misplaced", bands.misplaced)?;
-    found.set_item("nse", windows.nse)?;
-    found.set_item("pe", windows.pe)?;
-    found.set_item("windows", windows.windows)?;
     let edges = bands.bands.as_slice().iter().map(|band| (band.low_hz, band.high_hz));
     found.set_item("bands", edges.collect::<Vec<_>>())?;
-    found.set_item("signed", PyArray1::from_slice(py, &bands.signed_db))?;
-    found.set_item("findings", findings)?;
-    Ok(found)
+    found.set_item("signed", PyArray1::from_slice(found.py(), &bands.signed_db))
 }

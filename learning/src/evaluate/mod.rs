@@ -22,7 +22,7 @@ pub(crate) mod tables;
 
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
 pub use conditions::{Condition, ConditionLoss, Responses, centre_of, condition_losses};
-pub use holdout::{Holdout, HoldoutError, HoldoutSettings, Method, Split, hold_out};
+pub use holdout::{Holdout, HoldoutError, HoldoutSettings, Method, Split, hold_out, measure};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutError, MapKind, Prediction, Summary, leave_one_out};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};
 pub use parts::{StudyHead, StudyPart, StudyPartError};

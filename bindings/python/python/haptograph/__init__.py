@@ -10,7 +10,8 @@ would print. Long calls let other threads run, and ctrl-C ends them.
 """
 
 from ._batch import Rendered, batch, merge
-from ._errors import Diagnostic, Error, GraphError
+from ._errors import Diagnostic, Error, GraphError, LearningWarning, RangeWarning
+from ._evaluation import Evaluation, Identification, evaluate, identify
 from ._graph import Graph
 from ._native import __version__
 from ._node import Node, Port, Setting
@@ -18,19 +19,24 @@ from ._player import Player
 from ._recording import Recording, read
 from ._run import Outcome, Run, Signal
 from ._samples import Samples
-from ._surface import Comparison, Model, Surface, compare, learn, render
+from ._surface import Comparison, Coverage, Model, Surface, compare, learn, render
 
 __all__ = [
     "Comparison",
+    "Coverage",
     "Diagnostic",
     "Error",
+    "Evaluation",
     "Graph",
     "GraphError",
+    "Identification",
+    "LearningWarning",
     "Model",
     "Node",
     "Outcome",
     "Player",
     "Port",
+    "RangeWarning",
     "Recording",
     "Rendered",
     "Run",
@@ -41,6 +47,8 @@ __all__ = [
     "__version__",
     "batch",
     "compare",
+    "evaluate",
+    "identify",
     "learn",
     "merge",
     "read",

@@ -103,14 +103,14 @@ def whole(name: str, value: Any, least: int = 0, most: int = 2**64 - 1) -> int:
     return int(value)
 
 
-def seed(name: str, value: Any) -> int:
+def one_seed(name: str, value: Any) -> int:
     """The seed that is used: the number itself, one drawn from a generator, or a fresh one."""
     if isinstance(value, (np.random.Generator, np.random.SeedSequence)) or value is None:
-        return seeds(name, value, 1)[0]
+        return several_seeds(name, value, 1)[0]
     return whole(name, value)
 
 
-def seeds(name: str, values: Any, count: int) -> list[int]:
+def several_seeds(name: str, values: Any, count: int) -> list[int]:
     """As many seeds: the numbers themselves, drawn from a generator, or fresh ones."""
     if values is None:
         return [secrets.randbits(63) for _ in range(count)]
@@ -125,7 +125,8 @@ def magnitude(name: str, velocity: np.ndarray, stacklevel: int = 3) -> np.ndarra
     """Speeds of what may be velocities, which have a sign."""
     if velocity.size == 0 or not velocity.min() < 0:
         return velocity
-    warnings.warn(f"`{name}` has negative numbers: a velocity, of which the magnitude is taken", RangeWarning, stacklevel)
+    said = f"`{name}` has negative numbers: a velocity, of which the magnitude is taken"
+    warnings.warn(said, RangeWarning, stacklevel)
     return np.abs(velocity)
 
 

@@ -9,8 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from . import _native
-from ._arrays import by_name, frames, items, number, path_name, string
-from ._arrays import seed as one_seed
+from ._arrays import by_name, frames, items, number, one_seed, path_name, string
 from ._content import Content
 from ._errors import Diagnostic, Error
 from ._node import Node, natives

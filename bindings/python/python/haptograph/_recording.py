@@ -63,7 +63,21 @@ def read(
     paths = [path] if isinstance(path, (str, bytes, os.PathLike)) else items("path", path)
     if not paths:
         raise Error("there is no file to read: `path` is an empty list")
-    settings = {
+    settings = reading(columns, units, constants, rate, full_scale, gesture, strict)
+    return Recording._of(_native.read([path_name("path", one) for one in paths], settings))
+
+
+def reading(
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    constants: Mapping[str, float] | None = None,
+    rate: float | None = None,
+    full_scale: float | None = None,
+    gesture: str | None = None,
+    strict: bool = False,
+) -> dict[str, Any]:
+    """What a file does not say itself."""
+    return {
         "columns": _pairs("columns", columns),
         "units": _pairs("units", units),
         "constants": _pairs("constants", constants),
@@ -72,10 +86,9 @@ def read(
         "strict": bool(strict),
         "gesture": None if gesture is None else string("gesture", gesture),
     }
-    return Recording._of(_native.read([path_name("path", one) for one in paths], settings))
 
 
-class Recording:
+class Recording(Content):
     """The signals of a tool: acceleration, forces and speed, at one rate.
 
     A recording never changes: it is equal to another of the same content, and can be passed to other processes.

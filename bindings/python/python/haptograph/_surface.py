@@ -19,9 +19,9 @@ from ._arrays import (
     line,
     magnitude,
     number,
+    one_seed,
     path_name,
-    seed as one_seed,
-    seeds as several_seeds,
+    several_seeds,
     shared,
     string,
     whole,
@@ -115,7 +115,8 @@ def learn(
 
 def _notes(native: _native.Surface, recordings: list[Recording]) -> dict[str, Any]:
     """What is known of a surface that was learned, and is not in its file."""
-    warned, notes = [], {"missing": [in_python(one) for one in native.missing]}
+    warned: list[str] = []
+    notes: dict[str, Any] = {"missing": [in_python(one) for one in native.missing]}
     if (learned := native.learned()) is not None:
         if learned["narrow_band"] is not None:
             warned.append(in_python(learned["narrow_band"]))
@@ -127,7 +128,8 @@ def _notes(native: _native.Surface, recordings: list[Recording]) -> dict[str, An
             )
         # Numbers in a wrong unit say nothing of where more is needed.
         is_implausible = any("the largest " in finding for one in recordings for finding in one.findings)
-        notes["coverage"] = Coverage(learned["areas"], seconds, segments, None if is_implausible else learned["record_next"])
+        record_next = None if is_implausible else learned["record_next"]
+        notes["coverage"] = Coverage(learned["areas"], seconds, segments, record_next)
         notes["places"] = learned["places"]
     return {**notes, "warnings": warned + notes["missing"]}
 
@@ -185,8 +187,8 @@ class Model(Content):
     _surface: Surface
 
     def __post_init__(self) -> None:
-        for array in (self.ar, self.ma):
-            array.flags.writeable = False
+        for coefficients in (self.ar, self.ma):
+            coefficients.flags.writeable = False
 
     def _content(self) -> tuple[Any, ...]:
         numbers = (self.gain, self.variance, self.warping, self.force, self.speed, self.rate)
@@ -292,7 +294,7 @@ class Surface(Content):
 
     @property
     def warnings(self) -> list[str]:
-        """What :func:`learn` warned of: a narrow band, too little data, missing parts. Of a file the missing parts alone."""
+        """What :func:`learn` warned of: a narrow band, too little data, missing parts. A file has the last alone."""
         return list(self._notes["warnings"]) if self._notes else self.missing
 
     @property

@@ -28,6 +28,7 @@ use crate::learn::texture::LearnTextureError;
 use crate::processing::{ProcessingSettings, processed};
 use crate::recording::{Gesture, ProcessedRecording, RecordingError};
 use haptograph_signal::parallel;
+use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::rendering::SynthesisError;
 use measures::{Target, estimator_db, measured};
 use std::collections::{BTreeMap, BTreeSet};
@@ -139,6 +140,23 @@ pub fn hold_out(
     let progress = |part: f64| progress(CHANCE_PART + (1.0 - CHANCE_PART) * part);
     let results = parallel::try_map(parallel::cores(), jobs, &progress, work)?;
     Ok(Holdout { materials, seeds: settings.seeds, folds: results })
+}
+
+/// Errors of a texture along a processed drag of its rate, rendered from several seeds; and the log-spectral distance between two
+/// stationary takes of that length, dB.
+///
+/// # Errors
+/// A drag that the texture cannot be rendered along.
+pub fn measure(
+    texture: &TextureModel,
+    drag: &ProcessedRecording,
+    settings: &HoldoutSettings,
+) -> Result<(Measures, f64), SynthesisError> {
+    let length = (drag.rate_hz().to_bits(), vec![drag.samples()]);
+    let (test, lengths) = (std::slice::from_ref(drag), [length.clone(), length]);
+    let player = Player::Texture(Box::new(texture.clone()));
+    let measures = measured(&player, &mut Target::new([test, test], &lengths), settings)?;
+    Ok((measures, estimator_db(&lengths, settings.seeds).0))
 }
 
 /// Processed drags by material.
