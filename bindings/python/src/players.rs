@@ -5,7 +5,7 @@ use crate::runs::{Told, drain};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::{AnyInput, AnyOutput, Full};
 use haptograph::engine::run::{Player as Engine, PlayerState, Session, SessionOptions};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -72,11 +72,22 @@ impl Player {
 
 impl Inside {
     fn input(&mut self, name: &str) -> Result<&mut AnyInput, Failure> {
-        let known: Vec<String> = self.inputs.iter().map(|input| input.name().to_owned()).collect();
-        let found = self.inputs.iter_mut().find(|input| input.name() == name);
-        found.ok_or_else(|| {
-            Failure::Message(format!("there is no input `{name}`: there are {}", known.join(", ")))
-        })
+        let Some(place) = self.inputs.iter().position(|input| input.name() == name) else {
+            let known: Vec<&str> = self.inputs.iter().map(AnyInput::name).collect();
+            let known = known.join(", ");
+            return Err(Failure::Message(format!("there is no input `{name}`: there are {known}")));
+        };
+        Ok(&mut self.inputs[place])
+    }
+
+    /// Sets the frame of an input from the next tick or from a time on.
+    fn set(&mut self, name: &str, frame: &[f64], at: Option<f64>) -> Result<(), Failure> {
+        let input = self.input(name)?;
+        let put = match at {
+            Some(seconds) => input.set_at(seconds, frame),
+            None => input.set(frame),
+        };
+        put.map_err(|error| refused(input, error))
     }
 }
 
@@ -119,22 +130,8 @@ impl Player {
     }
 
     /// Sets the frame of an input from the next tick or from a time on.
-    fn set(
-        &self,
-        py: Python<'_>,
-        name: &str,
-        frame: PyReadonlyArray1<'_, f64>,
-        at: Option<f64>,
-    ) -> PyResult<()> {
-        let frame = frame.as_array().to_vec();
-        self.with(py, move |inside| {
-            let input = inside.input(name)?;
-            let put = match at {
-                Some(seconds) => input.set_at(seconds, &frame),
-                None => input.set(&frame),
-            };
-            put.map_err(|error| refused(input, error))
-        })
+    fn set(&self, py: Python<'_>, name: &str, frame: Vec<f64>, at: Option<f64>) -> PyResult<()> {
+        self.with(py, move |inside| inside.set(name, &frame, at))
     }
 
     /// Queues frames for the next ticks; returns the number of frames queued.
@@ -154,10 +151,16 @@ impl Player {
         })
     }
 
-    /// Runs the next frames; returns the new frames of every output and probe.
-    fn process<'py>(&self, py: Python<'py>, frames: usize) -> PyResult<Bound<'py, PyDict>> {
+    /// Sets frames of inputs and runs the next frames; returns the new frames of every output and probe.
+    fn process<'py>(
+        &self,
+        py: Python<'py>,
+        frames: usize,
+        inputs: Vec<(String, Vec<f64>)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let part = ((PART_S * self.rate_hz) as usize).max(1);
         let read = self.with(py, |inside| {
+            inputs.iter().try_for_each(|(name, frame)| inside.set(name, frame, None))?;
             if frames > MAX_FRAMES {
                 let message = format!("{frames} frames at once: process at most {MAX_FRAMES}");
                 return Err(Failure::Message(message));

@@ -248,3 +248,22 @@ def test_what_progress_raises_ends_a_run(pad):
 
     with pytest.raises(RuntimeError, match="^at "):
         pad.run(1e5, probes=[], progress=refuse)
+
+
+def test_a_frame_is_the_same_in_every_form(graphs):
+    graph = hg.Graph.load(graphs / "cookbook/wall.ron")
+
+    def force(position):
+        with graph.player() as player:
+            return [player.process(1, {"arm.position": position})["arm.force"] for _ in range(9)]
+
+    wanted = force([0.0, 0.0, 0.001])
+    assert np.any(wanted)
+    array = np.array([0.0, 0.0, 0.001])
+    for form in ((0, 0, 0.001), array, array.astype(np.float32).astype(float) * 0 + array, [np.float64(0), 0, 0.001], array[:, None].T[0]):
+        assert np.array_equal(force(form), wanted)
+    for wrong in (1.0, [0.0] * 4, [0.0, 0.0, np.nan], [0, 0, 10**400], [[0.0, 0.0, 0.0]], ["a"] * 3, [None] * 3, np.zeros(10**6)):
+        with pytest.raises(hg.Error):
+            force(wrong)
+    with graph.player() as player, pytest.raises(hg.Error, match="there is no input `arm.weight`: there are arm.position"):
+        player.process(1, {"arm.weight": 1.0})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,34 @@ from ._run import Outcome
 
 if TYPE_CHECKING:
     from . import _native
+
+
+# Numbers of a frame that are looked at one by one, numbers of the largest frame, and frames of which all are counted.
+_FEW, _MOST_NUMBERS, _MOST_FRAMES = 16, 1000, 2**25
+
+
+def _frame(name: str, frame: Any) -> list[float]:
+    """The numbers of one frame; of a few plain numbers without an array, which takes longer than running the graph."""
+    few: list[Any] = [None]
+    if isinstance(frame, float) or type(frame) is int:
+        few = [frame]
+    elif type(frame) in (list, tuple) and len(frame) <= _FEW:
+        few = list(frame)
+    elif type(frame) is np.ndarray and frame.ndim == 1 and frame.size <= _FEW and frame.dtype == np.float64:
+        few = frame.tolist()
+    for one in few:
+        if not (isinstance(one, float) and math.isfinite(one) or type(one) is int and -_EXACT < one < _EXACT):
+            break
+    else:
+        return few
+    made = np.atleast_1d(finite(name, array(name, frame)))
+    if made.ndim != 1 or made.size > _MOST_NUMBERS:
+        raise Error(f"`{name}` has shape {made.shape}: give one frame, or `push` several")
+    return made.tolist()
+
+
+# Whole numbers that are floats too.
+_EXACT = 2**53
 
 
 class Player:
@@ -63,10 +92,7 @@ class Player:
 
     def set(self, name: str, frame: Any, at: float | None = None) -> None:
         """Set the frame of an input, a number or a vector, from the next tick or from the time `at` (s) on."""
-        made = np.atleast_1d(finite(name, array(name, frame)))
-        if made.ndim != 1:
-            raise Error(f"`{name}` has shape {made.shape}: give one frame, or `push` several")
-        self._inner.set(string("name", name), made, None if at is None else number("at", at, 0))
+        self._inner.set(string("name", name), _frame(name, frame), None if at is None else number("at", at, 0))
 
     def push(self, name: str, frames: Any) -> int:
         """Queue frames for the next ticks of an input, shape (frames,) or (frames, components).
@@ -96,9 +122,13 @@ class Player:
         dict of ndarray
             The new frames of every output and probe, shape (frames,) or (frames, components).
         """
-        for name, frame in by_name("inputs", inputs).items():
-            self.set(name, frame)
-        return self._inner.process(whole("frames", frames))
+        if type(frames) is not int or not 0 <= frames < _MOST_FRAMES:
+            frames = whole("frames", frames)
+        if inputs is None:
+            return self._inner.process(frames, [])
+        named = inputs if type(inputs) is dict else by_name("inputs", inputs)
+        given = [(string("a name", name), _frame(name, frame)) for name, frame in named.items()]
+        return self._inner.process(frames, given)
 
     def turn(self, setting: str, value: float) -> None:
         """Set a live setting, ``"out.gain"``; its value ramps in 20 ms."""
