@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import haptograph as hg
-from conftest import ROOT
 
 if os.environ.get("HAPTOGRAPH_NO_SKIPS"):
     import torch
@@ -15,8 +14,6 @@ else:
     torch = pytest.importorskip("torch")
 
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info  # noqa: E402
-
-SURFACE = ROOT / "graphs/surfaces/t2-canvas.ron"
 
 
 def item(surface: hg.Surface, number: int) -> tuple[np.ndarray, np.ndarray, int]:
@@ -30,14 +27,13 @@ def item(surface: hg.Surface, number: int) -> tuple[np.ndarray, np.ndarray, int]
 class Touch(IterableDataset):
     """Vibrations with the force and the speed that made them."""
 
-    def __init__(self, last: int):
-        self.last = last
+    def __init__(self, surface: hg.Surface, last: int):
+        self.surface, self.last = surface, last
 
     def __iter__(self):
-        surface = hg.Surface.load(SURFACE)
         worker = get_worker_info()
         step, offset = (worker.num_workers, worker.id) if worker else (1, 0)
-        return (item(surface, number) for number in range(offset, self.last, step))
+        return (item(self.surface, number) for number in range(offset, self.last, step))
 
 
 WAYS = [None, *(way for way in ("fork", "forkserver", "spawn") if way in multiprocessing.get_all_start_methods())]
@@ -50,7 +46,7 @@ def test_a_loader_gives_every_item_once_with_its_bits_whoever_renders_it(way, ca
     workers = {} if way is None else {"num_workers": 2, "multiprocessing_context": way}
     seen = {}
     for vibrations, labels, numbers in DataLoader(
-        Touch(21), batch_size=4, timeout=0 if way is None else 120, **workers
+        Touch(canvas, 21), batch_size=4, timeout=0 if way is None else 120, **workers
     ):
         assert vibrations.dtype == labels.dtype == torch.float32
         for vibration, label, number in zip(vibrations, labels, numbers.tolist(), strict=True):
