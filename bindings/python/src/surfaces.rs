@@ -212,9 +212,10 @@ impl Surface {
     }
 
     /// Those of the models that were learned from data of this speed and force.
-    fn measured(&self, py: Python<'_>) -> PyResult<Vec<(f64, f64)>> {
-        let models = self.texture(py)?.models().iter().filter(|model| model.kind == VertexKind::Measured);
-        Ok(models.map(|model| (model.speed_m_s, model.force_n)).collect())
+    fn measured(&self) -> Vec<(f64, f64)> {
+        let models = self.surface.texture.iter().flat_map(TextureModel::models);
+        let measured = models.filter(|model| model.kind == VertexKind::Measured);
+        measured.map(|model| (model.speed_m_s, model.force_n)).collect()
     }
 
     /// The model at a force and a speed.

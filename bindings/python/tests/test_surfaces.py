@@ -410,6 +410,10 @@ def test_what_learning_warns_of_is_a_warning_and_an_attribute(drag, canvas):
     again = hg.Surface._parse(thesis._inner.dump(), None)
     assert again.recorded_speed == pytest.approx(thesis.recorded_speed, rel=1e-6)
     assert again.coverage is None
+    circle = hg.Recording(drag.acceleration, drag.force, drag.speed, drag.rate, drag.tangential, gesture="circle")
+    friction = hg.learn(circle)
+    for surface in (friction, hg.Surface._parse(friction._inner.dump(), None)):
+        assert surface.recorded_speed is surface.recorded_force is surface.coverage is None and surface.warnings == []
 
 
 def test_messages_name_arguments_of_python(drag):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -60,6 +61,15 @@ def _names(name: str, given: Sequence[str] | None) -> list[str] | None:
     return None if given is None else [string(name, one) for one in items(name, given)]
 
 
+def _source(node: type[Node]) -> tuple[str, str, str]:
+    """A class by its name, and by its text where there is one, so that a changed one is another."""
+    try:
+        text = inspect.getsource(node)
+    except (OSError, TypeError):
+        text = ""
+    return node.__module__, node.__qualname__, text
+
+
 class Graph(Content):
     """A dataflow graph: see :meth:`load` and :meth:`parse`.
 
@@ -89,8 +99,7 @@ class Graph(Content):
 
     def _content(self) -> tuple[Any, ...]:
         path, checking, nodes = self._given
-        classes = [(node.__module__, node.__qualname__) for node in nodes]
-        return (self._inner.text, path, sorted(checking.items()), classes)
+        return (self._inner.text, path, sorted(checking.items()), [_source(node) for node in nodes])
 
     @classmethod
     def load(
