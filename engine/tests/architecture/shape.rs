@@ -40,8 +40,8 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("studio", 6_780, 3_300),
     // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery.
     ("src", 10_670, 6_300),
-    // 200 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python.
-    ("bindings", 3_650, 3_100),
+    // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python.
+    ("bindings", 3_590, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
