@@ -222,7 +222,7 @@ function cover(studio) {
 
 // Closes what is open over the page; false if there is nothing.
 function closeOpen(studio) {
-    if (studio.closeByHand()) return true;
+    if (studio.assignments.endLearning() || studio.closeByHand()) return true;
     const help = document.querySelector(":popover-open");
     const isOpen = help !== null || !find("node").hidden;
     help?.hidePopover();

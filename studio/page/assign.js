@@ -72,6 +72,13 @@ export class Assignments {
         return { button, dispose: () => this.#controls.get(id).delete(entry) };
     }
 
+    // Ends the learning of a control; false if none goes on.
+    endLearning() {
+        if (this.#learning === null) return false;
+        this.#learn(this.#learning);
+        return true;
+    }
+
     // Begins to learn what moves a control, ends that, or takes what it has away.
     async #learn(id) {
         const before = this.#learning;
@@ -87,7 +94,7 @@ export class Assignments {
         this.#learning = id;
         this.#axes.clear();
         this.#show(id);
-        this.#studio.say("note", `${label}: turn a knob, move an axis, or press a button or key. The same button ends this`);
+        this.#studio.say("note", `${label}: turn a knob, move an axis, or press a button or key. Escape ends this`);
         const why = await this.#openMidi();
         if (why && this.#learning === id) this.#studio.say("note", `${label}: move an axis, or press a button or key. ${why}`);
     }
@@ -173,7 +180,9 @@ export class Assignments {
         if (id) {
             this.#learning = null;
             this.#sources[id] = source;
-            this.#studio.say("good", `${this.#label(id)}: ${named(source)} moves it`);
+            const others = Object.entries(this.#sources).filter(([each, of]) => each !== id && of === source && this.#controls.has(each));
+            const too = others.length ? `, and ${others.map(([each]) => this.#label(each)).join(", ")} as before` : "";
+            this.#studio.say("good", `${this.#label(id)}: ${named(source)} moves it${too}`);
             this.#changed();
         }
         for (const [each, of] of Object.entries(this.#sources)) if (of === source) [...(this.#controls.get(each) ?? [])][0]?.move(part);
@@ -194,12 +203,12 @@ export class Assignments {
     }
 
     #showOn({ label, button }, source, learns) {
-        setText(button, learns ? "…" : source ? short(source) : "+");
+        setText(button, learns ? "turn it…" : source ? short(source) : "Knob");
         button.setAttribute("aria-pressed", String(learns));
         button.classList.toggle("assigned", Boolean(source));
         const does = learns ? "End learning" : source ? `Take ${named(source)} from` : "Assign a knob, axis or key to";
         button.setAttribute("aria-label", `${does} ${label}`);
-        button.title = learns ? "Waits for a knob, axis or key" : `${does} ${label}`;
+        button.title = learns ? "Waits for a knob, axis or key; Escape ends this" : `${does} ${label}`;
     }
 }
 

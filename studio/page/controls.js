@@ -68,7 +68,7 @@ function rebuild(studio, graph) {
         make(
             "section",
             { class: "control-group", "aria-label": "Parameters" },
-            make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
+            make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph: a change of one loads it again" })),
             ...graph.parameters.map((parameter) => {
                 if (choicesOf(parameter)) return choiceRow(studio, parameter);
                 if (!isTurned(parameter)) return parameterRow(studio, parameter);

@@ -7,8 +7,8 @@ const PEAK_HOLD_MS = 1500;
 const BIG = "600 26px system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
 
 // Level and peak as bars; where the port belongs to an actuator, against its limits and with its heat.
-export function drawMeter(context, surface, { trace, memory, limits, port, now_ms, actuator, paused }) {
-    const { rms, peak } = trace.level(SPAN_S);
+export function drawMeter(context, surface, { trace, memory, limits, port, now_ms, actuator, paused, isStopped }) {
+    const { rms, peak } = isStopped ? { rms: 0, peak: 0 } : trace.level(SPAN_S);
     if (!(peak < memory.held) || now_ms - (memory.held_ms ?? 0) > PEAK_HOLD_MS) [memory.held, memory.held_ms] = [peak, now_ms];
     memory.full = Math.max(roundUp(peak), (memory.full ?? 0) * (paused ? 1 : 0.995));
     const full = limits?.peak ?? memory.full;

@@ -43,7 +43,7 @@ function draw(studio, ground, surface, view, say, now_ms) {
     if (view.plot && isPaused) return;
     now_ms = view.now_ms = isPaused ? (view.now_ms ?? now_ms) : now_ms;
     const [speed, force] = view.traces.map((trace) => trace?.latest() ?? NaN);
-    const touching = studio.connection.open && force > BARELY && Number.isFinite(speed);
+    const touching = (studio.runs || isPaused) && force > BARELY && Number.isFinite(speed);
     if (touching && !isPaused) view.trail.push({ speed, force, now_ms });
     while (view.trail.length && now_ms - view.trail[0].now_ms > TRAIL_MS) view.trail.shift();
     const most = axesFor(view.map, view.trail);

@@ -7,6 +7,7 @@ import { prose } from "./prose.js";
 const LABELS = { accel: "vibration", force_normal: "pressing force", force_tangential: "friction force" };
 const MOST_ROWS = 4000;
 const POINTS = 160;
+const FASTEST_M_S = 3; // of a hand: a larger number is of another unit
 const SEPARATORS = [";", "\t", ","];
 
 // The header of a table and some of its rows as numbers; null if it has none.
@@ -18,8 +19,9 @@ export function headOf(csv) {
     if (names.length < 2 || names.every((name) => name !== "" && Number.isFinite(Number(name)))) return null;
     const decimal = separator === "," ? (cell) => cell : (cell) => cell.replace(",", ".");
     const step = Math.ceil(lines.length / MOST_ROWS);
+    const all = csv.split("\n").reduce((sum, line) => sum + (line.trim() !== "" && !line.startsWith("#")), -1);
     const rows = lines.filter((_, i) => i > 0 && (i - 1) % step === 0).map((line) => cells(line).map((cell) => Number.parseFloat(decimal(cell))));
-    return { names, columns: names.map((_, i) => rows.map((row) => row[i] ?? NaN)) };
+    return { names, all, columns: names.map((_, i) => rows.map((row) => row[i] ?? NaN)) };
 }
 
 const labelOf = (quantity) => LABELS[quantity] ?? quantity.replace("accel", "acceleration").replaceAll("_", " ");
@@ -38,13 +40,14 @@ export const keptMapping = (names) => kept.get(`mapping.${names.join()}`, null);
 
 // A table in which a person says what the columns of a recording hold; `read` gives what the engine finds with a mapping, `done` gets
 // the mapping.
-export async function mappingForm({ names, columns }, read, done) {
+export async function mappingForm({ names, columns, all }, read, done) {
     const before = keptMapping(names);
     const { quantities, columns: guesses } = (await read(before ?? {})) ?? { quantities: [], columns: [] };
     const quantityOf = (name) => Object.entries(before?.columns ?? {}).find(([, column]) => column === name)?.[0];
     const guess = (name) => guesses.find((each) => each.name === name)?.quantity;
     const rows = names.map((name, i) => rowOf(name, columns[i], quantities, before ? quantityOf(name) : guess(name), before?.units));
-    const rate = make("input", { type: "number", min: "1", step: "any", value: before?.rate_hz ?? "", "aria-label": "Rows in a second, where no column is the time" });
+    const rate = make("input", { type: "number", min: "1", step: "any", value: before?.rate_hz ?? "", "aria-label": "Sampling rate in hertz, where no column is the time" });
+    const length = make("span");
     const mappingNow = () => {
         const chosen = rows.filter(({ quantity }) => quantity.value);
         const hasUnit = ({ unit }) => unit.value !== "";
@@ -64,13 +67,17 @@ export async function mappingForm({ names, columns }, read, done) {
     const form = make(
         "div",
         {},
-        make("p", { class: "soft", text: "What do these columns hold? Needed are a pressing force, a speed or positions, a vibration, and the time or the rate." }),
+        make("p", { class: "soft", text: "Needed are a pressing force, a speed or positions, a vibration, and the time or the sampling rate." }),
         table,
-        make("label", { class: "soft" }, "Rows in a second, without a time ", rate, " Hz "),
+        make("label", { class: "soft" }, "Sampling rate, where no column is the time ", rate, " Hz ", length),
         findings,
-        make("button", { class: "primary", text: "Learn", onclick: learn }),
+        make("p", { class: "mapping-learn" }, make("button", { class: "primary", text: "Learn", onclick: learn })),
     );
+    // A wrong rate is seen by the length that it gives.
+    const showLength = () => (length.textContent = rate.value > 0 ? `${all} rows are ${Number((all / rate.value).toPrecision(3))} s` : "");
+    rate.addEventListener("input", showLength);
     form.addEventListener("change", look);
+    showLength();
     look();
     return form;
 }
@@ -94,7 +101,8 @@ function inTurns(work) {
 const spoken = (text) =>
     text
         .replace(/(?:; )?(?:add|give it with|or give the unit with) --unit (\w+)=([^\s,;]+)/g, " choose the unit $2 of $1 above")
-        .replace(/;? ?(?:Name the columns: )?--.*$/s, "");
+        .replace(/;? ?(?:Name the columns: )?--.*$/s, "")
+        .replace(/[,;:\s]+$/, "");
 
 // What would be repaired, with its consequences; that there is nothing is said, too.
 function showFindings(list, read) {
@@ -107,9 +115,17 @@ function showFindings(list, read) {
         ? [line("error", `Cannot be read so: ${read.error}`)]
         : repairs.length
           ? repairs.map(({ says, consequence }) => line("repair", `Would be repaired: ${says}`, consequence))
-          : [line("good", "Nothing to repair.")];
-    list.replaceChildren(...first, ...others.map(({ says, consequence }) => line("noted", says, consequence)));
+          : others.length
+            ? []
+            : [line("good", "Nothing to repair.")];
+    list.replaceChildren(...first, ...others.map(({ says, consequence }) => line("repair", says, consequence)));
 }
+
+// True if a column's name ends in a unit: "acc [g]", "speed_mm_s".
+const isIn = (name, unit) => {
+    const bare = (text) => text.toLowerCase().replace(/[^a-z0-9]/g, "");
+    return bare(name).endsWith(bare(unit)) && /[^a-z0-9]/i.test(name.slice(0, -1));
+};
 
 function rowOf(name, values, quantities, guess, units = {}) {
     const unit = make("select", { "aria-label": `Unit of ${name}` });
@@ -117,15 +133,18 @@ function rowOf(name, values, quantities, guess, units = {}) {
     const quantity = make("select", { "aria-label": `What ${name} holds` }, make("option", { value: "", text: "not used" }), ...quantities.map(option));
     const showUnits = () => {
         const known = quantities.find((each) => each.name === quantity.value)?.units ?? [];
-        unit.replaceChildren(...known.map((each) => make("option", { value: each, text: unitText(each) })));
-        unit.value = units[quantity.value]?.toLowerCase().replace("/", "_") ?? known[0] ?? "";
+        const chosen = units[quantity.value]?.toLowerCase().replace("/", "_") ?? known.find((each) => isIn(name, each));
+        const likely = chosen ?? (quantity.value === "speed" && high < FASTEST_M_S ? "m_s" : known[0]);
+        const text = (each) => (each === likely && !chosen && known.length > 1 ? `${unitText(each)}, assumed` : unitText(each));
+        unit.replaceChildren(...known.map((each) => make("option", { value: each, text: text(each) })));
+        unit.value = likely ?? "";
         unit.hidden = known.length === 0;
     };
+    const numbers = values.filter(Number.isFinite);
+    const [low, high] = numbers.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
     quantity.value = guess ?? "";
     quantity.addEventListener("change", showUnits);
     showUnits();
-    const numbers = values.filter(Number.isFinite);
-    const [low, high] = numbers.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
     const range = numbers.length ? `${Number(low.toPrecision(3))} to ${Number(high.toPrecision(3))}` : "no numbers";
     const cells = [make("th", { scope: "row", text: name }), make("td", {}, pictureOf(numbers, low, high)), make("td", { class: "soft", text: range })];
     const row = make("tr", {}, ...cells, make("td", {}, quantity), make("td", {}, unit));

@@ -252,7 +252,7 @@ function drawCard(studio, state, card, frame_ms) {
     };
     const actuator = limits && actuators.find(({ name }) => name === limits.name);
     const own_s = end_s + studio.taps.ahead_s(card.trace); // by the driver of the port
-    const seen = { trace, span_s, end_s: own_s - back_s, back_s, now_ms, limits, actuator, paused: paused !== null };
+    const seen = { trace, span_s, end_s: own_s - back_s, back_s, now_ms, limits, actuator, paused: paused !== null, isStopped: !paused && !studio.runs };
     VIEWS[card.view](context, card.surface, { ...card, ...seen });
 }
 

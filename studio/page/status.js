@@ -9,6 +9,7 @@ const SILENT_S = 0.5;
 const HOT = 0.85;
 const RECENT_MS = 8000;
 const UNHEARD_S = 2;
+const HEARD = 1e-4; // of full scale
 const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STOP is worth a word
 
 export function mountStatus(studio) {
@@ -174,7 +175,8 @@ function soundSays(studio, counts, recent) {
     if (sound.obstacle) return { level: "note", text: sound.obstacle };
     if (!sound.on)
         return { level: "note", text: "No sound yet: press Sound", label: "Turn sound on", action: () => sound.toggle() };
-    if (recent("underruns"))
+    // Where nobody strokes there is nothing to hear.
+    if (recent("underruns") && studio.pad.hands.down.length)
         return {
             level: "warn",
             text: `The sound had ${counted(counts.underruns, "gap")}: the page buffers ${(1000 * (sound.report?.target_s ?? 0)).toFixed(0)} ms now`,
@@ -189,7 +191,10 @@ function handSays(studio) {
         return { level: "good", text: "A simulated hand strokes; touch the pad to take over" };
     if (down.length)
         return { level: "good", text: studio.sound.on ? `You hear ${studio.graph?.sound?.what ?? "the actuator"}` : "Stroking" };
-    return { level: "good", text: "Ready: stroke the pad" };
+    if (studio.sound.report?.peak > HEARD) return { level: "good", text: `You hear ${studio.graph?.sound?.what ?? "the actuator"}` };
+    if (!studio.graph?.pads.length) return { level: "good", text: "Ready" };
+    const text = studio.sound.on ? "Silent, as no hand strokes: stroke the pad" : "Ready: stroke the pad";
+    return { level: "good", text, label: "Let it stroke", action: () => studio.pad.demo.start() };
 }
 
 const counted = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;

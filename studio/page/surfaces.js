@@ -168,17 +168,21 @@ async function learn(studio, file, mapping = undefined) {
     const reply = await answer;
     clearInterval(timer);
     if (!reply.ok) {
-        // The page has no flags.
-        end("bad", `${file.name} was not learned: ${reply.error.replace(/ Name the columns: --.*/s, "")}`);
+        const asks = head && studio.connection.open;
+        // The page has no flags: it asks what the names of columns do not say.
+        if (asks && !mapping) end("note", `What do the columns of ${file.name} hold?`);
+        else end("bad", `${file.name} was not learned: ${reply.error.replace(/ Name the columns: --.*/s, "")}`);
         const again = (chosen) => (box.remove(), learn(studio, file, chosen));
         const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
-        if (head && studio.connection.open) text.after(await mappingForm(head, read, again));
+        if (asks) text.after(await mappingForm(head, read, again));
         return;
     }
     const parameter = parameterOf(studio.graph);
     const chosen = parameter ? await studio.parameter(parameter.name, quoted(reply.change)) : { ok: false };
     const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;
     end("good", `${file.name} was learned; ${says}.`);
+    box.scrollIntoView({ block: "nearest" });
+    studio.say("good", `${file.name} was learned; ${says}`);
     const recording = { name: file.name, csv, mapping, path: reply.change };
     text.after(make("button", { text: "Listen", title: "The recording beside the surface, and ABX", onclick: () => import("./listen.js").then(({ listen }) => listen(studio, recording)).catch((error) => studio.say("bad", `The recording cannot be played: ${error.message}`)) }));
     if (reply.report) text.after(reportLink(reply.report));

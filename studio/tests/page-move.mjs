@@ -334,3 +334,15 @@ test("by the keyboard alone, twelve keys lead from the opened page to a stroke w
     assert(presses <= 12, `${presses} presses`);
     await page.context().close();
 });
+
+test("Escape ends the wait for a knob, and not the run", async (page) => {
+    await page.evaluate(() => studio.showTab("controls"));
+    const button = page.locator("#controls .assign").first();
+    const before = await button.textContent();
+    await button.click();
+    assert.equal(await button.getAttribute("aria-pressed"), "true");
+    await page.keyboard.press("Escape");
+    assert.deepEqual([await button.getAttribute("aria-pressed"), await button.textContent()], ["false", before]);
+    await page.waitForTimeout(300);
+    assert(await page.evaluate(() => studio.runs), "it was a STOP");
+});

@@ -1,7 +1,7 @@
 //! One autoregressive (AR) or autoregressive moving-average (ARMA) model of a texture's vibration.
 
 use crate::lsf;
-use haptograph_signal::prediction::ar_to_reflection;
+use haptograph_signal::prediction::{ar_to_reflection, levinson};
 use haptograph_signal::warped::{self, MAX_WARPING};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -138,6 +138,25 @@ impl ArmaModel {
     pub fn warped_from_ar(ar: &[f64], warping: f64, variance: f64) -> Result<Self, ModelError> {
         // The LSFs take precedence, so that a file needs only them.
         Self::warped_from_lsf(&lsf_of(Polynomial::Ar, ar)?, warping, 0.0)?.with_variance(variance)
+    }
+
+    /// A warped model of this order for a one-sided density in (m/s²)²/Hz, given as means over equal cells of the warped axis from 0 to
+    /// half of the rate.
+    ///
+    /// # Errors
+    /// [`ModelError::Unstable`] for cells that are no density (zero, negative or not finite), and those of
+    /// [`warped_from_ar`](Self::warped_from_ar).
+    pub fn warped_from_cells(
+        cells: &[f64],
+        warping: f64,
+        rate_hz: f64,
+        order: usize,
+    ) -> Result<Self, ModelError> {
+        // One-sided density to power a sample: half the rate.
+        let powers: Vec<f64> = cells.iter().map(|density| density * (0.5 * rate_hz)).collect();
+        let fitted = levinson(&warped::cell_autocovariance(&powers, order), order);
+        let fitted = fitted.map_err(|_| ModelError::Unstable { polynomial: Polynomial::Ar })?;
+        Self::warped_from_ar(&fitted.ar, warping, fitted.variance)
     }
 
     fn warped(ar: Vec<f64>, ar_lsf: Vec<f64>, warping: f64, power: f64) -> Result<Self, ModelError> {

@@ -7,6 +7,7 @@ mod batches;
 mod errors;
 mod evaluation;
 mod graphs;
+mod making;
 mod players;
 mod prototypes;
 mod recordings;
@@ -23,6 +24,8 @@ mod _native {
     use crate::evaluation::{evaluate, identify, sweep};
     #[pymodule_export]
     use crate::graphs::Graph;
+    #[pymodule_export]
+    use crate::making::{make, warped_axis};
     #[pymodule_export]
     use crate::players::Player;
     #[pymodule_export]

@@ -99,6 +99,10 @@ pub(crate) fn learn(
 }
 
 impl Surface {
+    pub(crate) fn of(surface: haptograph::surfaces::Surface) -> Self {
+        Self { surface: Arc::new(surface), report: None }
+    }
+
     pub(crate) fn texture(&self, py: Python<'_>) -> PyResult<&TextureModel> {
         let none =
             || Failure::Message(format!("the surface {:?} has no texture", self.surface.name)).raise(py);
@@ -112,7 +116,7 @@ impl Surface {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let surface = apart(py, (None, false), move |_| files::load(&path).map_err(Failure::of))?;
-        Ok(Self { surface: Arc::new(surface), report: None })
+        Ok(Self::of(surface))
     }
 
     /// Writes a surface file; returns the parts that its format cannot store.
@@ -125,7 +129,7 @@ impl Surface {
     #[staticmethod]
     fn parse(py: Python<'_>, file: Vec<u8>) -> PyResult<Self> {
         let surface = apart(py, (None, false), move |_| read_surface(&file).map_err(Failure::of))?;
-        Ok(Self { surface: Arc::new(surface), report: None })
+        Ok(Self::of(surface))
     }
 
     /// The bytes of its file.
@@ -293,7 +297,7 @@ impl Surface {
         let (surface, _) = apart(py, (None, false), move |_| {
             resample_surface(&surface, rate, Method::Spectral).map_err(Failure::of)
         })?;
-        Ok(Self { surface: Arc::new(surface), report: None })
+        Ok(Self::of(surface))
     }
 
     /// The map of its texture as SVG.

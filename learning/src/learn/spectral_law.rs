@@ -7,8 +7,6 @@ use super::cells::{CELLS, Cells};
 use super::correction::{Correction, Stretch};
 use super::regression::{Law, Place, Prior, fit, fit_robustly};
 use super::texture::LearnTextureError;
-use haptograph_signal::prediction::levinson;
-use haptograph_signal::warped::cell_autocovariance;
 use haptograph_surfaces::bounds::{MAX_FORCE_N, MAX_SPEED_M_S};
 use haptograph_surfaces::{ArmaModel, ModelAt, TextureModel, VertexKind};
 use nalgebra::{Vector2, Vector3};
@@ -258,12 +256,8 @@ impl SpectralLaw {
         force_n: f64,
         axis: Axis,
     ) -> Result<ArmaModel, LearnTextureError> {
-        // One-sided density to power a sample: half the rate.
-        let mut cells = self.cells(speed_m_s, force_n);
-        cells.iter_mut().for_each(|density| *density *= 0.5 * axis.rate_hz);
-        let fitted = levinson(&cell_autocovariance(&cells, axis.order), axis.order);
-        let fitted = fitted.map_err(|error| LearnTextureError::NoModels { reason: error.to_string() })?;
-        let model = ArmaModel::warped_from_ar(&fitted.ar, axis.warping, fitted.variance)
+        let cells = self.cells(speed_m_s, force_n);
+        let model = ArmaModel::warped_from_cells(&cells, axis.warping, axis.rate_hz, axis.order)
             .map_err(|error| LearnTextureError::NoModels { reason: error.to_string() })?;
         let power = model.power().min(self.loudest);
         Ok(model.with_power(power)?)

@@ -218,8 +218,94 @@ class Model(Content):
         return frequencies, self._surface._inner.density(self.force, self.speed, frequencies)
 
 
+# Cells of the warped axis to which a spectrum is averaged, and the least density beside the largest.
+_CELLS, _LEAST = 1024, 1e-6
+
+
+def _taken(model: Any, numbers: str, rate: Any) -> tuple[float, float, list[float], float]:
+    """Force, speed, numbers and variance of a model."""
+    if rate is None:
+        raise Error("give the `rate` of the models, samples per second")
+    try:
+        force, speed, given, variance = model
+    except (TypeError, ValueError):
+        raise Error(f"{model!r} is not a model: give (force, speed, {numbers}, ...) of four") from None
+    place = number("force", force, 0, above=True), number("speed", speed, 0, above=True)
+    if numbers == "frequencies":
+        return (*place, [], 0.0)
+    return (*place, line(numbers, given).tolist(), number("variance", variance, 0))
+
+
+def _cells(model: Any, edges: np.ndarray) -> np.ndarray:
+    """Mean densities between neighbours of `edges`, of a spectrum in points or bands."""
+    _, _, given, values = model
+    frequencies, values = finite("frequencies", array("frequencies", given)), line("density", values)
+    is_bands = frequencies.ndim == 2 and frequencies.shape[1] == 2
+    if len(frequencies) != len(values) or len(values) < 1 + (not is_bands) or frequencies.ndim != 1 + is_bands:
+        raise Error(
+            f"the frequencies have shape {frequencies.shape} and the densities {values.shape}: "
+            "give (n,) of points, or (n, 2) edges of bands, and n densities"
+        )
+    ends = frequencies.reshape(-1)
+    if ends[0] < 0 or (np.diff(ends) < 0).any() or (is_bands and not (frequencies[:, 1] > frequencies[:, 0]).all()):
+        raise Error("the frequencies of a spectrum ascend, from 0 on")
+    if (values < 0).any():
+        raise Error("the densities of a spectrum are not negative")
+    if is_bands:
+        # The power below each end of a band.
+        powers = np.cumsum(np.stack([np.zeros(len(values)), values], axis=1).reshape(-1))
+        below = np.interp(edges, ends, powers)
+    else:
+        every = np.union1d(edges, frequencies)
+        density = np.interp(every, frequencies, values, left=0, right=0)
+        below = np.concatenate([[0], np.cumsum(np.diff(every) * (density[1:] + density[:-1]) / 2)])
+        below = below[np.searchsorted(every, edges)]
+    cells = np.diff(below) / np.diff(edges)
+    if not (cells > 0).any():
+        raise Error("the spectrum has nothing below half of the rate")
+    return np.maximum(cells, _LEAST * cells.max())
+
+
+def _made(
+    form: str, models: list[Any], rate: Any, name: str, parts: dict[str, Any], order: int = 0
+) -> _native.Surface:
+    known = ("warping", "max_force", "max_speed", "excitation", "taps", "taps_rate", "friction", "stiffness", "source", "licence")
+    for part in parts:
+        if part not in known:
+            raise Error(f"a surface has no part `{part}`: it has {', '.join(known)}")
+
+    def positive(part: str) -> float | None:
+        return None if parts.get(part) is None else number(part, parts[part], 0, above=True)
+
+    def text(part: str) -> str | None:
+        return None if parts.get(part) is None else string(part, parts[part])
+
+    if not models and not any(parts.get(part) is not None for part in ("taps", "friction", "stiffness")):
+        raise Error("give models, taps, friction or stiffness; or `learn` a surface, or `Surface.load` one")
+    excitation = parts.get("excitation")
+    taps = [(number("a tap's speed", speed, 0, above=True), line("a tap", tap).tolist()) for speed, tap in parts.get("taps") or ()]
+    taps_rate = positive("taps_rate") or (None if rate is None else number("rate", rate, 0, above=True))
+    if taps and taps_rate is None:
+        raise Error("give the `taps_rate`, samples per second")
+    given = {
+        "form": form,
+        "order": order,
+        "models": models,
+        "rate": 0.0 if rate is None else number("rate", rate, 0, above=True),
+        "warping": number("warping", parts.get("warping") or 0, 0),
+        "range": (positive("max_force"), positive("max_speed")),
+        "excitation": None if excitation is None else line("excitation", excitation).tolist(),
+        "taps": (taps_rate, taps) if taps else None,
+        "friction": positive("friction"),
+        "stiffness": positive("stiffness"),
+        "source": text("source") or "models given in Python",
+        "licence": text("licence"),
+    }
+    return _native.make(string("name", name), given)
+
+
 class Surface(Content):
-    """Friction, taps, texture and stiffness of one material: see :func:`learn` and :meth:`load`.
+    """Friction, taps, texture and stiffness of one material: of :func:`learn`, :meth:`load`, or models from elsewhere.
 
     A surface never changes. Two are equal, with the same hash, if their files are. Passed to another process, it is its
     file: it renders the same bits, and keeps what `learn` said of it, but for its :meth:`page`.
@@ -228,8 +314,84 @@ class Surface(Content):
     _inner: _native.Surface
     _notes: dict[str, Any] | None
 
-    def __init__(self) -> None:
-        raise Error("a Surface is made by `learn` or `Surface.load`")
+    def __init__(self, models: Sequence[Any] = (), rate: float | None = None, name: str = "surface", **parts: Any) -> None:
+        """Make a surface of models that come from elsewhere, such as those of a network.
+
+        Between them the line spectral frequencies are interpolated; towards zero force or speed the vibration vanishes.
+
+        Parameters
+        ----------
+        models : list of (force, speed, ar, variance)
+            Normal force in N and speed in m/s, above 0; the coefficients a_1 to a_p of ``y[n] = -sum of a_k y[n-k] + e[n]``,
+            stable and of one order for all; the variance of e, (m/s2)^2. None of them: a surface without texture.
+        rate : float
+            Samples per second of the models.
+        name : str
+            Name of the material.
+        warping : float
+            Factor of the warped axis on which the coefficients are; 0, the default, is the usual one.
+        max_force, max_speed : float, optional
+            Largest force and speed that it renders, by default those of the models. Beyond the models the nearest is used.
+        excitation : array_like, optional
+            Noise at `rate` that drives the filters in place of white noise, at most 300 000 samples; its deviation is made 1.
+        taps : list of (speed, acceleration), optional
+            Speed of impact in m/s, ascending, and acceleration after contact, m/s2; all of one length, at `taps_rate`
+            (by default `rate`).
+        friction, stiffness : float, optional
+            Friction coefficient; N/m.
+        source, licence : str, optional
+            Where the numbers are from, and the licence of a recording that they hold: kept in the file.
+        """
+        taken = [_taken(model, "ar", rate) for model in models]
+        self._inner, self._notes = _made("ar", taken, rate, name, parts), None
+
+    @classmethod
+    def from_lsf(cls, models: Sequence[Any], rate: float, name: str = "surface", **parts: Any) -> Surface:
+        """Make a surface of line spectral frequencies: models of (force, speed, lsf, variance), lsf in radians, ascending.
+
+        `parts` are those of :class:`Surface`.
+        """
+        return cls._of(_made("lsf", [_taken(model, "lsf", rate) for model in models], rate, name, parts))
+
+    @classmethod
+    def from_spectra(
+        cls, models: Sequence[Any], rate: float, name: str = "surface", order: int = 20, **parts: Any
+    ) -> Surface:
+        """Make a surface of spectra, to each of which an all-pole model is fitted on the warped axis.
+
+        Parameters
+        ----------
+        models : list of (force, speed, frequencies, density)
+            `frequencies` of shape (n,): Hz, with the one-sided density there, (m/s2)^2/Hz, between them in a straight line.
+            Of shape (n, 2): lower and upper edges of bands that do not overlap, with the power in each, (m/s2)^2. Outside
+            there is nothing; below a millionth of the largest density nothing is told apart.
+        rate : float
+            Samples per second of the surface.
+        order : int
+            Order of the fitted models.
+        name, **parts
+            As for :class:`Surface`.
+        """
+        warping, edges = _native.warped_axis(number("rate", rate, 0, above=True), _CELLS)
+        taken = [(*_taken(model, "frequencies", rate)[:2], _cells(model, edges).tolist(), 0.0) for model in models]
+        return cls._of(_made("cells", taken, rate, name, {**parts, "warping": warping}, whole("order", order, 1, 1000)))
+
+    @classmethod
+    def from_function(
+        cls,
+        function: Callable[[float, float], tuple[Any, float]],
+        forces: Any,
+        speeds: Any,
+        rate: float,
+        name: str = "surface",
+        **parts: Any,
+    ) -> Surface:
+        """Make a surface of a function of force and speed that returns (ar, variance), on a grid of both.
+
+        `parts` are those of :class:`Surface`.
+        """
+        grid = [(force, speed) for force in line("forces", forces).tolist() for speed in line("speeds", speeds).tolist()]
+        return cls([(force, speed, *function(force, speed)) for force, speed in grid], rate, name, **parts)
 
     @classmethod
     def _of(cls, native: _native.Surface, notes: dict[str, Any] | None = None) -> Surface:
