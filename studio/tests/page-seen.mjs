@@ -81,7 +81,7 @@ const faintTexts = (page) =>
     );
 
 for (const colorScheme of ["light", "dark"])
-    test(`every text stands out from what is behind it: ${colorScheme}`, async (main) => {
+    serverTest(`every text stands out from what is behind it: ${colorScheme}`, async (main) => {
         const page = await open({ colorScheme });
         await takeOver(page);
         const ground = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
@@ -114,7 +114,7 @@ for (const colorScheme of ["light", "dark"])
     });
 
 for (const colorScheme of ["light", "dark"])
-    test(`on a phone STOP is in reach, a finger strokes, and nothing is wider than the screen: ${colorScheme}`, async (main) => {
+    (colorScheme === "light" ? test : serverTest)(`on a phone STOP is in reach, a finger strokes, and nothing is wider than the screen: ${colorScheme}`, async (main) => {
         const page = await open({ ...AS_PHONE, colorScheme });
         if (!(await page.evaluate(() => studio.status.owner))) {
             await picture(page, `phone-not-owner-${colorScheme}`);
@@ -195,7 +195,7 @@ async function watchShifts(page) {
     };
 }
 
-test("nothing jumps while one strokes, stops and goes on", async (main) => {
+serverTest("nothing jumps while one strokes, stops and goes on", async (main) => {
     const page = await open();
     await takeOver(page);
     await page.waitForTimeout(1000);
@@ -213,7 +213,7 @@ test("nothing jumps while one strokes, stops and goes on", async (main) => {
     await takeOver(main);
 });
 
-test("nothing jumps while one changes the tab and edits", async (main) => {
+serverTest("nothing jumps while one changes the tab and edits", async (main) => {
     const page = await open();
     await takeOver(page);
     for (const tab of TABS) await page.evaluate((name) => studio.showTab(name), tab);

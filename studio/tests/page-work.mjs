@@ -24,6 +24,7 @@ import {
     record,
     replay,
     served,
+    serverTest,
     studioOf,
     stroke,
     test,
@@ -738,7 +739,7 @@ async function turnSoft(page) {
 
 const VIEWS = ["time", "spectrum", "spectrogram", "meter", "number"];
 
-test("a scope opens as each of its views, and what it draws moves", async (page) => {
+serverTest("a scope opens as each of its views, and what it draws moves", async (page) => {
     const port = await feltPort(page);
     const before = await page.evaluate(() => studio.scopeCount());
     await page.evaluate((name) => studio.addScope(name), port);

@@ -36,13 +36,14 @@ pub(crate) struct Parts {
     range: (Option<f64>, Option<f64>),
     #[pyo3(item)]
     excitation: Option<Vec<f64>>,
-    /// Rate; speed and acceleration of each.
     #[pyo3(item)]
-    taps: Option<(f64, Vec<(f64, Vec<f64>)>)>,
+    taps_rate: f64,
+    /// Speed and acceleration of each.
     #[pyo3(item)]
-    friction: Option<f64>,
+    taps: Vec<(f64, Vec<f64>)>,
+    /// Friction coefficient and stiffness, N/m.
     #[pyo3(item)]
-    stiffness: Option<f64>,
+    resistance: (Option<f64>, Option<f64>),
     #[pyo3(item)]
     source: String,
     #[pyo3(item)]
@@ -50,7 +51,10 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    fn model(&self, (force_n, speed_m_s, numbers, variance): &(f64, f64, Vec<f64>, f64)) -> Result<ModelAt, Failure> {
+    fn model(
+        &self,
+        (force_n, speed_m_s, numbers, variance): &(f64, f64, Vec<f64>, f64),
+    ) -> Result<ModelAt, Failure> {
         let model = match (self.form.as_str(), self.warping > 0.0) {
             ("cells", _) => ArmaModel::warped_from_cells(numbers, self.warping, self.rate, self.order),
             ("lsf", false) => ArmaModel::from_lsf(numbers, &[], 1.0, *variance),
@@ -84,14 +88,14 @@ impl Parts {
         }
         let mut surface = Whole::new(name, provenance);
         surface.texture = self.texture()?;
-        let friction = self.friction.map(|mu| Friction::new(mu, None));
+        let (friction, stiffness) = self.resistance;
+        let friction = friction.map(|mu| Friction::new(mu, None));
         surface.friction = friction.transpose().map_err(Failure::of)?;
-        let stiffness = self.stiffness.map(|n_per_m| Stiffness::new(n_per_m * 1e-3, None));
+        let stiffness = stiffness.map(|n_per_m| Stiffness::new(n_per_m * 1e-3, None));
         surface.stiffness = stiffness.transpose().map_err(Failure::of)?;
-        let taps = self.taps.map(|(rate_hz, taps)| {
-            let tap = |(speed_m_s, acceleration_m_s2)| Tap { speed_m_s, acceleration_m_s2, peak_force_n: None };
-            Taps::new(rate_hz, taps.into_iter().map(tap).collect())
-        });
+        let tap = |(speed_m_s, acceleration_m_s2)| Tap { speed_m_s, acceleration_m_s2, peak_force_n: None };
+        let taps: Vec<Tap> = self.taps.into_iter().map(tap).collect();
+        let taps = (!taps.is_empty()).then(|| Taps::new(self.taps_rate, taps));
         surface.taps = taps.transpose().map_err(Failure::of)?;
         Ok(surface)
     }

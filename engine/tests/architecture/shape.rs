@@ -19,12 +19,13 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends;
     // 67 for the players of several drivers on one clock of their caller.
     ("engine", 19_750, 15_500),
-    // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks.
-    ("surfaces", 7_550, 6_000),
+    // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks; 10 for models of spectra, which
+    // learning calls, too.
+    ("surfaces", 7_560, 6_000),
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
     // their files; 170 for clips; 85 for what columns of any logger probably hold, and what follows from a finding.
     // 10 for the errors of a surface that was learned before.
-    ("learning", 15_500, 9_500),
+    ("learning", 15_495, 9_500),
     // 155 for materials that stick and slip, strokes from rest, and static friction.
     ("nodes", 14_425, 13_000),
     ("live", 6_515, 6_000),
@@ -40,8 +41,9 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("studio", 6_780, 3_300),
     // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery.
     ("src", 10_670, 6_300),
-    // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python.
-    ("bindings", 3_590, 3_100),
+    // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python;
+    // 110 for surfaces of models from elsewhere.
+    ("bindings", 3_700, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
@@ -50,7 +52,8 @@ const PUBLIC: [(&str, usize); 11] = [
     ("signal", 381),
     // 9 for several drivers on one clock of their caller.
     ("engine", 743),
-    ("surfaces", 387),
+    // 1 for a model of a spectrum.
+    ("surfaces", 388),
     // 1 for the errors of a surface that was learned before.
     ("learning", 385),
     ("nodes", 412),

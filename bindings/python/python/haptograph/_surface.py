@@ -218,8 +218,8 @@ class Model(Content):
         return frequencies, self._surface._inner.density(self.force, self.speed, frequencies)
 
 
-# Cells of the warped axis to which a spectrum is averaged, and the least density beside the largest.
-_CELLS, _LEAST = 1024, 1e-6
+# Cells of the warped axis to which a spectrum is averaged, the least density beside the largest, and that outside beside the last given.
+_CELLS, _LEAST, _OUTSIDE = 1024, 1e-6, 0.1
 
 
 def _taken(model: Any, numbers: str, rate: Any) -> tuple[float, float, list[float], float]:
@@ -263,6 +263,10 @@ def _cells(model: Any, edges: np.ndarray) -> np.ndarray:
     cells = np.diff(below) / np.diff(edges)
     if not (cells > 0).any():
         raise Error("the spectrum has nothing below half of the rate")
+    # A model has no edge as steep as the end of a spectrum, and would smear it over the bands beside.
+    (within,) = np.nonzero((edges[1:] > ends[0]) & (edges[:-1] < ends[-1]))
+    first, last = within[0], within[-1]
+    cells[:first], cells[last + 1 :] = _OUTSIDE * cells[first], _OUTSIDE * cells[last]
     return np.maximum(cells, _LEAST * cells.max())
 
 
@@ -295,9 +299,9 @@ def _made(
         "warping": number("warping", parts.get("warping") or 0, 0),
         "range": (positive("max_force"), positive("max_speed")),
         "excitation": None if excitation is None else line("excitation", excitation).tolist(),
-        "taps": (taps_rate, taps) if taps else None,
-        "friction": positive("friction"),
-        "stiffness": positive("stiffness"),
+        "taps_rate": taps_rate or 0.0,
+        "taps": taps,
+        "resistance": (positive("friction"), positive("stiffness")),
         "source": text("source") or "models given in Python",
         "licence": text("licence"),
     }
@@ -363,18 +367,18 @@ class Surface(Content):
         ----------
         models : list of (force, speed, frequencies, density)
             `frequencies` of shape (n,): Hz, with the one-sided density there, (m/s2)^2/Hz, between them in a straight line.
-            Of shape (n, 2): lower and upper edges of bands that do not overlap, with the power in each, (m/s2)^2. Outside
-            there is nothing; below a millionth of the largest density nothing is told apart.
+            Of shape (n, 2): lower and upper edges of bands that do not overlap, with the power in each, (m/s2)^2. Outside,
+            a tenth of the nearest density is assumed; below a millionth of the largest nothing is told apart.
         rate : float
             Samples per second of the surface.
         order : int
-            Order of the fitted models.
+            Order of the fitted models, at most 32.
         name, **parts
             As for :class:`Surface`.
         """
         warping, edges = _native.warped_axis(number("rate", rate, 0, above=True), _CELLS)
         taken = [(*_taken(model, "frequencies", rate)[:2], _cells(model, edges).tolist(), 0.0) for model in models]
-        return cls._of(_made("cells", taken, rate, name, {**parts, "warping": warping}, whole("order", order, 1, 1000)))
+        return cls._of(_made("cells", taken, rate, name, {**parts, "warping": warping}, whole("order", order, 1, 32)))
 
     @classmethod
     def from_function(
