@@ -162,18 +162,19 @@ async function learn(studio, file, mapping = undefined) {
     const head = headOf(csv);
     mapping ??= head && (keptMapping(head.names) ?? undefined);
     const [answer, request] = studio.connection.numbered({ type: "learn", name: file.name, csv, mapping });
-    const cancel = make("button", { text: "Cancel", onclick: () => studio.connection.send({ type: "cancel", request }) });
+    let isCancelled = false;
+    const cancel = make("button", { text: "Cancel", onclick: () => ((isCancelled = true), studio.connection.send({ type: "cancel", request })) });
     text.after(cancel);
     const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
     const reply = await answer;
     clearInterval(timer);
     if (!reply.ok) {
-        const asks = head && studio.connection.open;
+        const asks = head && studio.connection.open && !isCancelled;
+        const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
         // The page has no flags: it asks what the names of columns do not say.
-        if (asks && !mapping) end("note", `What do the columns of ${file.name} hold?`);
+        if (asks && !mapping && (await read({}))?.error) end("note", `What do the columns of ${file.name} hold?`);
         else end("bad", `${file.name} was not learned: ${reply.error.replace(/ Name the columns: --.*/s, "")}`);
         const again = (chosen) => (box.remove(), learn(studio, file, chosen));
-        const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
         if (asks) text.after(await mappingForm(head, read, again));
         return;
     }
