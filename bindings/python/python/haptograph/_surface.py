@@ -287,7 +287,13 @@ def _made(
     if not models and not any(parts.get(part) is not None for part in ("taps", "friction", "stiffness")):
         raise Error("give models, taps, friction or stiffness; or `learn` a surface, or `Surface.load` one")
     excitation = parts.get("excitation")
-    taps = [(number("a tap's speed", speed, 0, above=True), line("a tap", tap).tolist()) for speed, tap in parts.get("taps") or ()]
+    if excitation is not None and not models:
+        raise Error("an excitation drives models: give them, too")
+    try:
+        pairs = [(speed, tap) for speed, tap in parts.get("taps") or ()]
+    except (TypeError, ValueError):
+        raise Error("`taps` are pairs of a speed and an acceleration, [(0.1, acceleration), ...]") from None
+    taps = [(number("a tap's speed", speed, 0, above=True), line("a tap", tap).tolist()) for speed, tap in pairs]
     taps_rate = positive("taps_rate") or (None if rate is None else number("rate", rate, 0, above=True))
     if taps and taps_rate is None:
         raise Error("give the `taps_rate`, samples per second")
@@ -376,6 +382,8 @@ class Surface(Content):
         name, **parts
             As for :class:`Surface`.
         """
+        if "warping" in parts:
+            raise Error("the axis of spectra follows from the rate: leave `warping` out")
         warping, edges = _native.warped_axis(number("rate", rate, 0, above=True), _CELLS)
         taken = [(*_taken(model, "frequencies", rate)[:2], _cells(model, edges).tolist(), 0.0) for model in models]
         return cls._of(_made("cells", taken, rate, name, {**parts, "warping": warping}, whole("order", order, 1, 32)))
@@ -395,7 +403,11 @@ class Surface(Content):
         `parts` are those of :class:`Surface`.
         """
         grid = [(force, speed) for force in line("forces", forces).tolist() for speed in line("speeds", speeds).tolist()]
-        return cls([(force, speed, *function(force, speed)) for force, speed in grid], rate, name, **parts)
+        models = [(place, function(*place)) for place in grid]
+        for place, made in models:
+            if not isinstance(made, (tuple, list)) or len(made) != 2:
+                raise Error(f"the function returns {made!r} at {place[0]:g} N and {place[1]:g} m/s: it has to return (ar, variance)")
+        return cls([(*place, *made) for place, made in models], rate, name, **parts)
 
     @classmethod
     def _of(cls, native: _native.Surface, notes: dict[str, Any] | None = None) -> Surface:
