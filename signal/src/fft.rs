@@ -20,6 +20,9 @@ pub fn inverse(length: usize) -> Transform {
     planned(length, FftDirection::Inverse)
 }
 
+#[cfg(target_family = "wasm")]
+use planned_for_pages as planned;
+
 /// Plans live as long as the thread.
 #[cfg(not(target_family = "wasm"))]
 fn planned(length: usize, direction: FftDirection) -> Transform {
@@ -30,9 +33,10 @@ fn planned(length: usize, direction: FftDirection) -> Transform {
     PLANNER.with_borrow_mut(|planner| planner.plan_fft(length, direction))
 }
 
-/// A page loads two algorithms, not the planner's twenty: of a length that is no power of two the transform takes about four times as long.
-#[cfg(target_family = "wasm")]
-fn planned(length: usize, direction: FftDirection) -> Transform {
+/// With two algorithms in place of all those of the planner, which are most of what a page would load of them. Lengths that are no
+/// powers of two take longer.
+#[cfg(any(test, target_family = "wasm"))]
+fn planned_for_pages(length: usize, direction: FftDirection) -> Transform {
     use rustfft::algorithm::{BluesteinsAlgorithm, Radix4};
     type Plans = std::collections::BTreeMap<(usize, bool), Transform>;
     thread_local! {
@@ -46,7 +50,7 @@ fn planned(length: usize, direction: FftDirection) -> Transform {
         0 | 1 => Arc::new(rustfft::algorithm::Dft::new(length, direction)),
         length if length.is_power_of_two() => Arc::new(Radix4::new(length, direction)),
         length => {
-            let inner = planned((2 * length - 1).next_power_of_two(), direction);
+            let inner = planned_for_pages((2 * length - 1).next_power_of_two(), direction);
             Arc::new(BluesteinsAlgorithm::new(length, inner))
         }
     };
@@ -62,17 +66,23 @@ mod tests {
 
     #[test]
     fn they_are_the_sums_of_the_definition() {
+        for planned in [planned, planned_for_pages] {
+            assert_sums(planned);
+        }
+    }
+
+    fn assert_sums(planned: fn(usize, FftDirection) -> Transform) {
         for length in [1, 2, 12, 17, 64, 100] {
             let x: Vec<Complex64> =
                 (0..length).map(|n| Complex64::new((n as f64).sin(), (n * n % 7) as f64)).collect();
             let mut y = x.clone();
-            forward(length).process(&mut y);
+            planned(length, FftDirection::Forward).process(&mut y);
             for (k, y) in y.iter().enumerate() {
                 let turn = |n: usize| Complex64::cis(-TAU * (k * n) as f64 / length as f64);
                 let sum: Complex64 = x.iter().enumerate().map(|(n, x)| x * turn(n)).sum();
                 assert!((y - sum).norm() < 1e-10, "{length}: {k}");
             }
-            inverse(length).process(&mut y);
+            planned(length, FftDirection::Inverse).process(&mut y);
             for (x, y) in x.iter().zip(&y) {
                 assert!((x * length as f64 - y).norm() < 1e-10, "{length}");
             }

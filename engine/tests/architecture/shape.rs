@@ -14,7 +14,7 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 11] = [
-    // 96 for files that a page writes, and its clock; 20 for Fourier transforms that a page loads in a fifth of the bytes.
+    // 96 for files that a page writes, and its clock; 20 for Fourier transforms of which a page loads less.
     ("signal", 5_930, 4_800),
     // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends;
     // 67 for the players of several drivers on one clock of their caller.

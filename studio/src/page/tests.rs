@@ -228,3 +228,39 @@ fn a_late_look_still_sends_the_last_samples_of_a_run() {
     assert!(frames > 24_000 && late.len() >= frames, "{frames}, {}", late.len());
     assert_eq!((0..frames).find(|at| often[*at] != late[*at]), None, "of {frames} frames");
 }
+
+/// A folder with this graph and a surface beside it, and what the engine of the graph says to a request of its files.
+fn files_of(edit: impl Fn(&std::path::Path, String) -> String) -> (tempfile::TempDir, serde_json::Value) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let surfaces = folder.path().join("surfaces");
+    std::fs::create_dir(&surfaces).expect("made");
+    let shipped = opened().file.with_file_name("surfaces").join("t2-canvas.ron");
+    std::fs::copy(shipped, surfaces.join("t2-canvas.ron")).expect("it ships");
+    let text = std::fs::read_to_string(opened().file).expect("it ships");
+    let file = folder.path().join("mine.ron");
+    std::fs::write(&file, edit(folder.path(), text)).expect("written");
+    let opened = Opened { file, set: Vec::new() };
+    let mut engine = Engine::open(opened, &haptograph_nodes::registry()).expect("it is sound");
+    engine.hear(0, &Message::Text(r#"{"type":"files","request":3}"#.to_owned()));
+    let reply = said(&mut engine, "reply");
+    (folder, reply)
+}
+
+#[test]
+fn the_files_of_a_graph_have_paths_that_another_machine_has_too() {
+    let (folder, reply) = files_of(|_, text| format!("// mine\n{text}"));
+    assert_eq!(
+        (&reply["request"], &reply["ok"], &reply["bundle"]["graph"]),
+        (&3.into(), &true.into(), &"mine.ron".into())
+    );
+    let files = reply["bundle"]["files"].as_array().expect("a list");
+    let paths: Vec<_> = files.iter().filter_map(|file| file["path"].as_str()).collect();
+    assert_eq!(paths, ["mine.ron", "surfaces/t2-canvas.ron"]);
+    assert!(!reply.to_string().contains(&*folder.path().to_string_lossy()));
+    // A path of this machine in the text would open nothing there.
+    let (_folder, reply) = files_of(|folder, text| {
+        let surface = folder.join("surfaces/t2-canvas.ron");
+        text.replace("surfaces/t2-canvas.ron", &surface.to_string_lossy())
+    });
+    assert_eq!((&reply["ok"], &reply["bundle"]), (&false.into(), &serde_json::Value::Null));
+}

@@ -14,9 +14,8 @@ pub extern "C" fn haptograph_open_study() -> u32 {
 }
 
 /// Learns the surface of a recording; the input buffer holds the path of its file, `path_length` bytes, and then what its columns are, as
-/// in the message `learn`. Returns 1 with the message `{ "name",
-/// "surface", "report" }`, where `surface` is the text of the surface file and `report` that of the page; or 0 with the
-/// reason as the message.
+/// in the message `learn`. Returns 1 with the message `{ "name", "surface", "report" }`, where `surface` is the text of the surface file and
+/// `report` that of the page; or 0 with the reason as the message.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_learn(path_length: usize) -> u32 {
     keep_panics();
