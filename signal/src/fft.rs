@@ -26,9 +26,8 @@ use planned_for_pages as planned;
 /// Plans live as long as the thread.
 #[cfg(not(target_family = "wasm"))]
 fn planned(length: usize, direction: FftDirection) -> Transform {
-    use rustfft::FftPlannerScalar;
     thread_local! {
-        static PLANNER: RefCell<FftPlannerScalar<f64>> = RefCell::new(FftPlannerScalar::new());
+        static PLANNER: RefCell<rustfft::FftPlannerScalar<f64>> = RefCell::new(rustfft::FftPlannerScalar::new());
     }
     PLANNER.with_borrow_mut(|planner| planner.plan_fft(length, direction))
 }
@@ -38,9 +37,8 @@ fn planned(length: usize, direction: FftDirection) -> Transform {
 #[cfg(any(test, target_family = "wasm"))]
 fn planned_for_pages(length: usize, direction: FftDirection) -> Transform {
     use rustfft::algorithm::{BluesteinsAlgorithm, Radix4};
-    type Plans = std::collections::BTreeMap<(usize, bool), Transform>;
     thread_local! {
-        static PLANS: RefCell<Plans> = const { RefCell::new(Plans::new()) };
+        static PLANS: RefCell<std::collections::BTreeMap<(usize, bool), Transform>> = RefCell::default();
     }
     let key = (length, direction == FftDirection::Inverse);
     if let Some(plan) = PLANS.with_borrow(|plans| plans.get(&key).cloned()) {
