@@ -1,12 +1,12 @@
 // Plays binary 3: a ring that messages fill and that is played at the card's rate; its fill is controlled.
 const HEAD_BYTES = 16; // of binary 3, before the samples
 const RING_S = 2;
-const FIRST_TARGET_S = 0.045;
+const FIRST_TARGET_S = 0.06;
 const LEAST_TARGET_S = 0.012;
 const MOST_TARGET_S = 0.2;
 const WIDER_S = 0.01; // after an underrun
 const NARROWER_S = 0.001; // after each CALM_S in which more than this was always left:
-const SPARE_S = 0.01;
+const SPARE_S = 0.02;
 const CALM_S = 10;
 const FORGET = 0.01 / 1800; // how fast what was left least is forgotten, s per s: a rare delay must not be heard again and again
 const TOO_MUCH_S = 0.12; // above the target: what is older is left out

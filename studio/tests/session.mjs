@@ -49,7 +49,7 @@ await page.click("#sound");
 await until(page, () => studio.sound.on);
 await page.evaluate((port) => {
     const trace = studio.taps.watch(port, true);
-    const kept = { frames: 0, perSecond: [], gaps: [], jumps: 0, heap_mb: [], behind_ms: 0, costs: [] };
+    const kept = { frames: 0, perSecond: [], gaps: [], heard_s: [], heap_mb: [], behind_ms: 0, costs: [] };
     let next_s = null;
     studio.connection.on("samples", ({ place, time_s, interval_s, values }) => {
         if (place !== studio.taps.traces.indexOf(trace)) return;
@@ -67,6 +67,7 @@ await page.evaluate((port) => {
         kept.perSecond.push(kept.frames - before);
         before = kept.frames;
         kept.heap_mb.push(performance.memory.usedJSHeapSize / 2 ** 20);
+        while (kept.heard_s.length < studio.sound.report.underruns) kept.heard_s.push(kept.perSecond.length);
     }, 1000);
     window.session = kept;
 }, await feltPort(page));
@@ -102,7 +103,7 @@ console.log(`frames a second: median ${at(rates, 0.5)}, 5th percentile ${at(rate
 console.log(`processor: browser ${(100 * share[0]).toFixed(0)} % of a core, server ${(100 * share[1]).toFixed(1)} %, the engine by itself ${((100 * kept.costs.reduce((sum, cost) => sum + cost, 0)) / kept.costs.length).toFixed(1)} %`);
 const missing_s = kept.gaps.reduce((sum, gap) => sum + gap.missing_s, 0);
 console.log(`samples: ${kept.gaps.length} gaps, ${missing_s.toFixed(3)} s together; the page counts ${status.lost} lost messages, ${status.late} late wake-ups, at most ${kept.behind_ms.toFixed(1)} ms behind`);
-console.log(`sound: ${JSON.stringify(report)}, ${(1000 * latency_s).toFixed(1)} ms to the browser's output`);
+console.log(`sound: ${kept.heard_s.length ? `gaps at ${kept.heard_s.join(", ")} s` : "no gap"}; ${JSON.stringify(report)}, ${(1000 * latency_s).toFixed(1)} ms to the browser's output`);
 console.log(`pointer to engine, ms: ${JSON.stringify(status.pointer)}`);
 const heap = kept.heap_mb;
 const least = (from, to) => Math.min(...heap.slice(Math.floor(from * heap.length), Math.ceil(to * heap.length)));
