@@ -24,7 +24,7 @@ const pageOf = async (graph, options = {}) => {
         await page.context().close();
         await served.end();
     };
-    return { page, end };
+    return { page, end, address: served.address };
 };
 
 // The place of the first plot, which is chosen if it is not shown.
@@ -64,15 +64,57 @@ async function faultsOf(page) {
     ];
 }
 
-programTest("the first plot of every graph moves while its first pad is stroked, and so does every scope", async () => {
+// What is wrong with the first control of a page: it has to change what the engine tells another page, or to say why not.
+async function controlFaults(page, other) {
+    await page.evaluate(() => studio.showTab("controls"));
+    const controls = page.locator("#controls :is(input[type=range], input[type=checkbox], select)");
+    const port = await page.evaluate(() => studio.graph.inputs[0]?.port);
+    const had = () =>
+        other.evaluate(
+            (name) => JSON.stringify([[...studio.values], studio.graph.parameters.map(({ value }) => value), name ? studio.taps.watch(name).latest() : null]),
+            port,
+        );
+    await had();
+    const before = await had();
+    const move = (number) =>
+        controls.nth(number).evaluate((element) => {
+            if (element.type === "checkbox") return element.click();
+            if (element.tagName === "SELECT") element.selectedIndex = (element.selectedIndex + 1) % element.options.length;
+            else element.value = String(Number(element.value) > 500 ? 300 : 700);
+            for (const type of ["input", "change"]) element.dispatchEvent(new Event(type, { bubbles: true }));
+        });
+    if (port) {
+        await move(0);
+        // Held: it stands still, where the graph's own moves.
+        await other.waitForTimeout(400);
+        const [one, , two] = [await had(), await other.waitForTimeout(300), await had()];
+        return one === two && one !== before ? [] : [`the first control: ${one} and ${two}, before ${before}`];
+    }
+    const refuses = () => page.evaluate(() => [...document.querySelectorAll("#controls .error")].some((each) => each.checkVisibility()));
+    for (let number = 0; number < (await controls.count()); number++) {
+        await move(number);
+        const begun_ms = performance.now();
+        while (!(await refuses())) {
+            if ((await had()) !== before) return [];
+            if (performance.now() - begun_ms > 15_000) return [`control ${number} does nothing`];
+        }
+    }
+    return ["the engine refuses every control"];
+}
+
+programTest("of every graph the first plot moves while its first pad is stroked, and every scope, and its first control moves what the engine has", async () => {
+    assert(shipped.length > 10);
     const faults = [];
     const left = [...shipped];
     const tryNext = async () => {
         for (let graph = left.shift(); graph; graph = left.shift()) {
             const opened = await pageOf(graph);
             const found = await faultsOf(opened.page);
-            faults.push(...found.map((fault) => `${graph}: ${fault}`));
             await picture(opened.page, `views-${graph.replaceAll("/", "-")}`);
+            const other = await open({ at: opened.address });
+            found.push(...(await controlFaults(opened.page, other)));
+            faults.push(...found.map((fault) => `${graph}: ${fault}`));
+            await other.context().close();
             await opened.end();
         }
     };
