@@ -35,4 +35,4 @@ pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};
 pub use surface::{Friction, StaticPeak, Stiffness, Surface, SurfaceError};
 pub use taps::{Tap, Taps};
-pub use texture::{ModelAt, TextureError, TextureModel, VertexKind};
+pub use texture::{ModelAt, Recorded, TextureError, TextureModel, VertexKind};

@@ -18,8 +18,37 @@ pub struct TextureModel {
     models: Vec<ModelAt>,
     triangulation: Triangulation,
     highpass_hz: Option<f64>,
+    /// As it was given.
+    pub(crate) recorded: Option<Recorded>,
     /// In the order of their names, each once.
     pub(crate) layers: Vec<Arc<dyn Layer>>,
+}
+
+/// The ranges of speed and force that were recorded; beyond them a texture is extrapolated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recorded {
+    /// Least and largest speed, m/s.
+    pub speed_m_s: (f64, f64),
+    /// Least and largest normal force, N.
+    pub force_n: (f64, f64),
+}
+
+impl Recorded {
+    /// The ranges of (speed, force) in m/s and N; `None` of no place.
+    pub fn of(places: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
+        places.fold(None, |ranges, (speed_m_s, force_n)| {
+            let Self { speed_m_s: (slow, fast), force_n: (light, firm) } =
+                ranges.unwrap_or(Self { speed_m_s: (speed_m_s, speed_m_s), force_n: (force_n, force_n) });
+            let speed_m_s = (slow.min(speed_m_s), fast.max(speed_m_s));
+            Some(Self { speed_m_s, force_n: (light.min(force_n), firm.max(force_n)) })
+        })
+    }
+
+    /// True if a speed and a force lie in the ranges.
+    pub fn contains(&self, speed_m_s: f64, force_n: f64) -> bool {
+        let is_in = |(least, most): (f64, f64), x: f64| least <= x && x <= most;
+        is_in(self.speed_m_s, speed_m_s) && is_in(self.force_n, force_n)
+    }
 }
 
 /// A model and its position on the map.
@@ -74,7 +103,7 @@ impl TextureModel {
             }
         }
         let triangulation = Triangulation::new(&positions(&models), triangles)?;
-        Ok(TextureModel { rate_hz, models, triangulation, highpass_hz: None, layers: vec![] })
+        Ok(TextureModel { rate_hz, models, triangulation, highpass_hz: None, recorded: None, layers: vec![] })
     }
 
     /// The same texture with a high-pass that the renderer applies at its output: see [`Self::highpass_hz`].
@@ -88,9 +117,30 @@ impl TextureModel {
         Ok(self)
     }
 
-    /// The same models with the high-pass and the layers of `other`, resampled to their rate.
+    /// The same texture with the ranges that were recorded.
+    ///
+    /// # Errors
+    /// [`TextureError::Recorded`] if one does not ascend from 0 or more.
+    pub fn with_recorded(mut self, recorded: Option<Recorded>) -> Result<Self, TextureError> {
+        let ascends = |(least, most): (f64, f64)| 0.0 <= least && least <= most && most.is_finite();
+        if let Some(recorded) = recorded.filter(|given| !(ascends(given.speed_m_s) && ascends(given.force_n)))
+        {
+            return Err(TextureError::Recorded { recorded });
+        }
+        self.recorded = recorded;
+        Ok(self)
+    }
+
+    /// The ranges that were recorded: as given, else of the models that were learned from data of their speed and force; `None` if
+    /// neither is known.
+    pub fn recorded(&self) -> Option<Recorded> {
+        let measured = self.models.iter().filter(|at| at.kind == VertexKind::Measured);
+        self.recorded.or_else(|| Recorded::of(measured.map(|at| (at.speed_m_s, at.force_n))))
+    }
+
+    /// The same models with the high-pass, the recorded ranges and the layers of `other`, resampled to their rate.
     pub(crate) fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
-        let mut texture = self.with_highpass_hz(other.highpass_hz)?;
+        let mut texture = self.with_highpass_hz(other.highpass_hz)?.with_recorded(other.recorded)?;
         texture.layers.clear();
         for layer in &other.layers {
             let resampled = layer.resampled(other.rate_hz, texture.rate_hz);
@@ -241,6 +291,15 @@ pub enum TextureError {
         /// The models' rate.
         rate_hz: f64,
     },
+    /// A recorded range that does not ascend from 0 or more.
+    #[error(
+        "the recorded ranges are {:?} mm/s and {:?} N; each must ascend from 0 or more",
+        (1000.0 * recorded.speed_m_s.0, 1000.0 * recorded.speed_m_s.1), recorded.force_n
+    )]
+    Recorded {
+        /// The ranges given.
+        recorded: Recorded,
+    },
     /// An invalid layer.
     #[error(transparent)]
     Layer(#[from] LayerError),
@@ -291,6 +350,27 @@ mod tests {
     fn corner(speed_m_s: f64, force_n: f64, order: usize, variance: f64) -> ModelAt {
         let model = ArmaModel::from_ar(&vec![0.0; order], variance).unwrap();
         ModelAt { speed_m_s, force_n, model, kind: VertexKind::Edge }
+    }
+
+    #[test]
+    fn recorded_ranges_ascend_and_are_those_of_measured_models_if_none_were_given() {
+        let mut models = vec![corner(0.0, 0.0, 2, 0.0), corner(0.2, 0.0, 2, 0.0), corner(0.0, 2.0, 2, 0.0)];
+        models.extend([(0.1, 1.5), (0.2, 2.0)].map(|(speed_m_s, force_n)| ModelAt {
+            kind: VertexKind::Measured,
+            ..corner(speed_m_s, force_n, 2, 1.0)
+        }));
+        let texture = TextureModel::triangulated(1000.0, models).unwrap();
+        let measured = Recorded { speed_m_s: (0.1, 0.2), force_n: (1.5, 2.0) };
+        assert_eq!(texture.recorded(), Some(measured));
+        assert!(
+            measured.contains(0.15, 1.5) && !measured.contains(0.15, 1.4) && !measured.contains(0.21, 1.5)
+        );
+        let given = Recorded { speed_m_s: (0.05, 0.15), force_n: (0.2, 1.8) };
+        assert_eq!(texture.clone().with_recorded(Some(given)).unwrap().recorded(), Some(given));
+        for bad in [(-0.1, 0.1), (0.2, 0.1), (0.0, f64::INFINITY), (f64::NAN, 1.0)] {
+            let refused = texture.clone().with_recorded(Some(Recorded { speed_m_s: bad, ..given }));
+            assert!(matches!(refused, Err(TextureError::Recorded { .. })));
+        }
     }
 
     #[test]

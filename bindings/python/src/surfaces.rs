@@ -21,8 +21,7 @@ use haptograph::surfaces::rendering::{
     SynthesisSettings, Trajectory, UpdatePoints, VoiceInto, synthesise_into, synthesise_with,
 };
 use haptograph::surfaces::resampling::{Method, resample_surface};
-use haptograph::surfaces::texture::VertexKind;
-use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
+use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, Recorded, TextureModel};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -191,8 +190,6 @@ impl Surface {
         found.set_item("record_next", covered.next_to_record())?;
         found.set_item("is_short", covered.is_short())?;
         found.set_item("narrow_band", report.band.map(|band| band.to_string()))?;
-        let places = segments.iter().map(|segment| (segment.speed_m_s, segment.force_n));
-        found.set_item("places", places.collect::<Vec<_>>())?;
         Ok(Some(found))
     }
 
@@ -215,11 +212,10 @@ impl Surface {
         Ok(models.map(|model| (model.speed_m_s, model.force_n)).collect())
     }
 
-    /// Those of the models that were learned from data of this speed and force.
-    fn measured(&self) -> Vec<(f64, f64)> {
-        let models = self.surface.texture.iter().flat_map(TextureModel::models);
-        let measured = models.filter(|model| model.kind == VertexKind::Measured);
-        measured.map(|model| (model.speed_m_s, model.force_n)).collect()
+    /// The ranges of speed and force that were recorded.
+    fn recorded(&self) -> Option<((f64, f64), (f64, f64))> {
+        let recorded = self.surface.texture.as_ref().and_then(TextureModel::recorded);
+        recorded.map(|Recorded { speed_m_s, force_n }| (speed_m_s, force_n))
     }
 
     /// The model at a force and a speed.

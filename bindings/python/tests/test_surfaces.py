@@ -405,11 +405,12 @@ def test_what_learning_warns_of_is_a_warning_and_an_attribute(drag, canvas):
     low, high = surface.recorded_force
     assert 0.2 < low < high < 2.2 and high <= surface.max_force
     assert surface.resampled(1000).coverage == surface.coverage
-    assert canvas.coverage is canvas.recorded_force is None and canvas.warnings == []
-    thesis = hg.learn(drag, method="thesis")
-    again = hg.Surface._parse(thesis._inner.dump(), None)
-    assert again.recorded_speed == pytest.approx(thesis.recorded_speed, rel=1e-6)
-    assert again.coverage is None
+    assert canvas.coverage is None and canvas.warnings == [] and 2 < canvas.recorded_force[1] < canvas.max_force
+    for learned in (surface, hg.learn(drag, method="thesis")):
+        again = hg.Surface._parse(learned._inner.dump(), None)
+        assert again.recorded_speed == pytest.approx(learned.recorded_speed, rel=1e-12)
+        assert again.recorded_force == pytest.approx(learned.recorded_force, rel=1e-12)
+        assert again.coverage is None
     circle = hg.Recording(drag.acceleration, drag.force, drag.speed, drag.rate, drag.tangential, gesture="circle")
     friction = hg.learn(circle)
     for surface in (friction, hg.Surface._parse(friction._inner.dump(), None)):

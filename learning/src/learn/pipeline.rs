@@ -7,12 +7,12 @@ use super::method::TextureMethod;
 use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
-use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
+use super::texture::{CoefficientFit, Fate, LearnTextureError, TextureReport, TextureSettings};
 use crate::processing::{Kept, ProcessingError, ProcessingSettings, SurfaceNormal, processed_keeping};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use haptograph_surfaces::bounds::{FELT_HZ, FULL_BAND_HZ, LOWEST_LEARNED_HZ, carried_hz, shown};
 use haptograph_surfaces::provenance::{CLIPS_ORIGIN, HIGHEST_HZ, TOUCH};
-use haptograph_surfaces::{Friction, Origin, Provenance, Stiffness, Surface};
+use haptograph_surfaces::{Friction, Origin, Provenance, Recorded, Stiffness, Surface};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -207,7 +207,9 @@ pub fn learn(
     let drags = drags(recordings, settings, progress)?;
     if !drags.is_empty() {
         let learned = learn_with_onset(&settings.texture, &drags, &|part| progress(0.3 + 0.5 * part))?;
-        (surface.texture, report.texture) = (Some(learned.texture), Some(learned.report));
+        let texture =
+            learned.texture.with_recorded(recorded(&learned.report)).map_err(LearnTextureError::from)?;
+        (surface.texture, report.texture) = (Some(texture), Some(learned.report));
         has_strokes = learned.onset.is_ok();
         (report.onset, report.drags) = (Some(learned.onset), learned.slides.unwrap_or(drags));
     }
@@ -346,6 +348,12 @@ fn learned_friction(
         return Ok(None);
     };
     Ok(Some(learn_friction(&from, &settings.processing, &settings.friction, fit)?))
+}
+
+/// The ranges of what was learned from.
+fn recorded(report: &TextureReport) -> Option<Recorded> {
+    let kept = report.segments.iter().filter(|segment| segment.fate == Fate::Kept);
+    Recorded::of(kept.map(|segment| (segment.speed_m_s, segment.force_n)))
 }
 
 /// Friction with the static peak of the drags, processed anew: of raw ones the texture keeps no tangential force.

@@ -130,7 +130,6 @@ def _notes(native: _native.Surface, recordings: list[Recording]) -> dict[str, An
         is_implausible = any("the largest " in finding for one in recordings for finding in one.findings)
         record_next = None if is_implausible else learned["record_next"]
         notes["coverage"] = Coverage(learned["areas"], seconds, segments, record_next)
-        notes["places"] = learned["places"]
     return {**notes, "warnings": warned + notes["missing"]}
 
 
@@ -481,17 +480,14 @@ class Surface(Content):
         return self._notes.get("coverage") if self._notes else None
 
     def _recorded(self, axis: int) -> tuple[float, float] | None:
-        places = self._notes.get("places") if self._notes else self._inner.measured()
-        values = [place[axis] for place in places or []]
-        return (min(values), max(values)) if values else None
+        ranges = self._inner.recorded()
+        return None if ranges is None else ranges[axis]
 
     @property
     def recorded_speed(self) -> tuple[float, float] | None:
         """Least and largest speed that was recorded, m/s; beyond it the texture is extrapolated, up to :attr:`max_speed`.
 
-        Means of short stretches of the recordings. A file does not have them: of one, the range of the models that were
-        learned at their place, as by the thesis's method and in the toolkit's files; None for a law, whose models lie on a
-        grid.
+        Medians of short stretches of the recordings. None where a file does not tell, as those learned by older versions.
         """
         return self._recorded(0)
 

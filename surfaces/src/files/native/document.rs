@@ -88,16 +88,16 @@ pub(super) struct TapDocument {
 
 /// The fields of a texture, those of the layers among them, as messages list them.
 const TEXTURE_FIELDS: &[&str] = &{
-    let mut fields = [""; 6 + LAYERS.len()];
-    let (head, tail) = (["rate_hz", "warping", "highpass_hz"], ["filters", "vertices", "triangles"]);
-    let mut at = 0;
-    while at < 3 {
-        (fields[at], fields[3 + LAYERS.len() + at]) = (head[at], tail[at]);
-        at += 1;
-    }
-    at = 0;
-    while at < LAYERS.len() {
-        fields[3 + at] = LAYERS[at].name;
+    let (own, layers) =
+        (["rate_hz", "warping", "highpass_hz", "recorded", "filters", "vertices", "triangles"], LAYERS.len());
+    let mut fields = [""; 7 + LAYERS.len()];
+    let (mut at, before) = (0, 4);
+    while at < fields.len() {
+        fields[at] = match at {
+            _ if at < before => own[at],
+            _ if at < before + layers => LAYERS[at - before].name,
+            _ => own[at - layers],
+        };
         at += 1;
     }
     fields
@@ -109,9 +109,17 @@ pub(super) struct TextureDocument {
     pub rate_hz: f64,
     pub warping: Option<f64>,
     pub highpass_hz: Option<f64>,
+    pub recorded: Option<RecordedDocument>,
     pub filters: Bounded<FilterDocument, MAX_MODELS>,
     pub vertices: Bounded<VertexDocument, MAX_MODELS>,
     pub triangles: Option<Bounded<[u32; 3], { 2 * MAX_MODELS }>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RecordedDocument {
+    pub speed_mm_s: (Thousandths, Thousandths),
+    pub force_n: (f64, f64),
 }
 
 /// A texture with the values of its layers as they stand in the text.

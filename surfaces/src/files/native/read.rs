@@ -2,16 +2,16 @@
 
 use super::FORMAT;
 use super::document::{
-    FilterDocument, FrictionDocument, Head, KindDocument, Places, SurfaceDocument, TapsDocument,
-    TextureDocument,
+    FilterDocument, FrictionDocument, Head, KindDocument, Places, RecordedDocument, SurfaceDocument,
+    TapsDocument, TextureDocument,
 };
 use crate::files::{Malformed, Place, Problem, ReadError};
 use crate::layers::{BuiltIn, LayerKind, LayerSet, ParsedLayer};
 use crate::lsf;
 use crate::model::{ArmaModel, ModelError, StoredModel};
 use crate::{
-    Friction, ModelAt, Provenance, StaticPeak, Stiffness, Surface, SurfaceError, Tap, Taps, TextureModel,
-    VertexKind, texture::TextureError,
+    Friction, ModelAt, Provenance, Recorded, StaticPeak, Stiffness, Surface, SurfaceError, Tap, Taps,
+    TextureModel, VertexKind, texture::TextureError,
 };
 use ron::error::SpannedError;
 use ron::extensions::Extensions;
@@ -136,7 +136,11 @@ fn texture(document: TextureDocument, layers: Vec<ParsedLayer>) -> Result<Textur
         Some(triangles) => TextureModel::new(document.rate_hz, models, triangles.0)?,
         None => TextureModel::triangulated(document.rate_hz, models)?,
     };
-    let mut texture = texture.with_highpass_hz(document.highpass_hz)?;
+    let recorded = document.recorded.map(|RecordedDocument { speed_mm_s: (slow, fast), force_n }| Recorded {
+        speed_m_s: (slow.si, fast.si),
+        force_n,
+    });
+    let mut texture = texture.with_highpass_hz(document.highpass_hz)?.with_recorded(recorded)?;
     for layer in layers {
         if let Some(layer) = layer().map_err(TextureError::from)? {
             let name = layer.kind().name;

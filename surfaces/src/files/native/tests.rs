@@ -3,8 +3,8 @@ use crate::files::{Malformed, Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::layers::onset::{Onset, OnsetExample, OnsetOrigin};
 use crate::{
-    ArmaModel, Friction, Grain, ModelAt, Origin, Provenance, SpatialLine, StaticPeak, Stiffness, Surface,
-    Tap, Taps, TextureModel, VertexKind,
+    ArmaModel, Friction, Grain, ModelAt, Origin, Provenance, Recorded, SpatialLine, StaticPeak, Stiffness,
+    Surface, Tap, Taps, TextureModel, VertexKind,
 };
 use haptograph_signal::units::decimal::format_thousandfold;
 use proptest::prelude::*;
@@ -53,7 +53,8 @@ fn random_surface(seed: u64) -> Surface {
     };
     let powers: Vec<f64> = texture.models().iter().map(&mut power).collect();
     let line = SpatialLine::new(random.random_range(10.0..5000.0), random.random_range(0.0..100.0), powers);
-    let texture = texture.with_lines(vec![line.unwrap()]).unwrap();
+    let ranges = Recorded { speed_m_s: (0.0123456789, 0.1), force_n: (0.1, 1.0 / 3.0) };
+    let texture = texture.with_lines(vec![line.unwrap()]).unwrap().with_recorded(Some(ranges)).unwrap();
     let recorded: Vec<f64> = (0..500).map(|_| random.random_range(-1.0..1.0)).collect();
     let clips = crate::layers::Clips::new(&recorded).unwrap();
     let onset = Onset {

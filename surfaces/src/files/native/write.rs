@@ -1,7 +1,7 @@
 //! Writes a surface as RON with its own layout, because RON's printer puts each number on a line.
 
 use super::FORMAT;
-use crate::{Surface, Taps, TextureModel, VertexKind};
+use crate::{Recorded, Surface, Taps, TextureModel, VertexKind};
 use haptograph_signal::units::decimal::format_thousandfold;
 use std::fmt::Write;
 
@@ -79,6 +79,10 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     }
     if let Some(highpass_hz) = texture.highpass_hz() {
         writeln!(out, "        highpass_hz: {highpass_hz:?},")?;
+    }
+    if let Some(Recorded { speed_m_s: (slow, fast), force_n }) = texture.recorded {
+        let (slow, fast) = (format_thousandfold(slow), format_thousandfold(fast));
+        writeln!(out, "        recorded: (speed_mm_s: ({slow}, {fast}), force_n: {force_n:?}),")?;
     }
     for layer in &texture.layers {
         layer.write(out)?;
