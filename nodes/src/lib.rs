@@ -29,12 +29,11 @@
 //!
 //! | feature | default | adds |
 //! |---|---|---|
-//! | `touch` | yes | contact, friction, taps, textures, actuators, simulated bodies, devices, recording and plots; without it a program builds less than half of the crates |
+//! | `touch` | yes | contact, friction, taps, textures, simulated bodies, devices, recording and plots; without it a program builds less than half of the crates: signals, numbers and vectors of its own (`LiveInput`, `LiveVector`), and limited outputs (`ActuatorSink`, `ForceSink`) |
 //! | `serde` | | the counts of a device's packets can be serialised |
 
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
-#[cfg(feature = "touch")]
 pub mod actuators;
 #[cfg(feature = "touch")]
 mod aliases;
@@ -84,7 +83,8 @@ pub fn registry() -> Registry {
 fn touching(all: &mut Registry) {
     all.add_kind(contact::Contact::KIND)
         .add_kind(texture::frames::Weights::KIND)
-        .add_kind(texture::frames::Coefficients::KIND);
+        .add_kind(texture::frames::Coefficients::KIND)
+        .add_kind(<texture::Model as OneKind>::KIND);
     all.add(NodeEntry::file::<sinks::plots::TimePlot>())
         .add(NodeEntry::file::<sinks::plots::XyPlot>())
         .add(NodeEntry::file::<sinks::plots::PathPlot>())
@@ -113,7 +113,11 @@ fn sources_and_sinks(all: &mut Registry) {
         .add(NodeEntry::processor::<sources::phase::Adsr>())
         .add(NodeEntry::file::<sinks::wav::WavSink>())
         .add(NodeEntry::file::<sinks::csv::CsvSink>())
-        .add(NodeEntry::processor::<sinks::meter::Meter>());
+        .add(NodeEntry::processor::<sinks::meter::Meter>())
+        .add(NodeEntry::source::<sources::live::LiveInputSource>())
+        .add(NodeEntry::source::<sources::live::LiveVector>())
+        .add(NodeEntry::actuator::<actuators::sinks::ActuatorSink>())
+        .add(NodeEntry::actuator::<actuators::sinks::ForceSink>());
 }
 
 fn plain_blocks(all: &mut Registry) {
@@ -163,8 +167,9 @@ fn texture(all: &mut Registry) {
         .add(NodeEntry::processor::<texture::interpolator::LsfInterpolator>())
         .add(NodeEntry::processor::<texture::excitation::Excitation>())
         .add(NodeEntry::processor::<texture::filter::ArmaFilter>())
+        .add(NodeEntry::source::<texture::steering::LiveModel>())
+        .add(NodeEntry::processor::<texture::steering::SteeredModel>())
         .add(NodeEntry::processor::<actuators::drive::DynamicCompensator>())
-        .add(NodeEntry::actuator::<actuators::drive::ActuatorSink>())
         .add(NodeEntry::source::<simulated::tablet_node::TabletSource>())
         .add(NodeEntry::source::<simulated::haptuator::AccelerometerSource>())
         .add_device(DeviceEntry::of::<simulated::tablet_node::SimulatedTablet>())
@@ -174,7 +179,6 @@ fn texture(all: &mut Registry) {
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<network::EvdevDevice>())
-        .add(NodeEntry::source::<network::inputs::LiveInputSource>())
         .add_device(DeviceEntry::of::<network::inputs::OscInput>())
         .add_device(DeviceEntry::of::<network::inputs::MidiInput>())
         .add_device(DeviceEntry::of::<network::inputs::SerialInput>())
@@ -205,7 +209,6 @@ fn touch(all: &mut Registry) {
         .add(NodeEntry::processor::<contact::wrench_node::ContactFromWrench>())
         .add(NodeEntry::processor::<contact::wrench_node::SurfaceSpeed>())
         .add(NodeEntry::processor::<actuators::brake_node::BrakeController>())
-        .add(NodeEntry::actuator::<actuators::force_sink::ForceSink>())
         .add(NodeEntry::actuator::<actuators::brake_node::BrakeSink>())
         .add(NodeEntry::source::<simulated::arm::ArmSource>())
         .add(NodeEntry::source::<simulated::pen::ForceTorqueSensorSource>())

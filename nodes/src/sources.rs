@@ -1,6 +1,7 @@
 //! Sources of signals: generators, noise and files.
 
 pub mod csv;
+pub(crate) mod live;
 pub mod noise;
 pub(crate) mod one_shot;
 pub(crate) mod over_position;

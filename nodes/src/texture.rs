@@ -6,6 +6,9 @@ pub mod force;
 pub mod frames;
 pub mod interpolator;
 pub mod locator;
+pub(crate) mod steering;
+
+pub use frames::Model;
 
 use haptograph_engine::node::BuildError;
 use haptograph_surfaces::{Surface, TextureModel, files};

@@ -16,6 +16,8 @@ use haptograph_engine::run::{
 };
 use haptograph_engine::settings::MAX_LIVE_ITEMS;
 use haptograph_nodes::filters::classical::BandPassSettings;
+use haptograph_nodes::texture::Model;
+use haptograph_signal::units::Milliseconds;
 use realtime::allocations;
 use std::path::Path;
 use std::sync::Arc;
@@ -296,6 +298,94 @@ fn an_edit_keeps_the_callers_handles_and_gives_probes_of_what_is_new() {
     while vibration.take().is_some() {}
     play(&mut player, 110..120);
     assert!(vibration.take().is_none() && twice.take().is_some());
+}
+
+/// Numbers and vectors in, limited currents and forces out.
+fn plain() -> Graph {
+    let limit =
+        |unit: &str| Part::group().set(&format!("peak_{unit}"), 0.5).set(&format!("continuous_{unit}"), 0.25);
+    let document = Builder::new("")
+        .driver("servo", 1000.0)
+        .node("level", Part::new("LiveInput").on("servo").set("endpoint", "level").set("quantity", "current"))
+        .node("pull", Part::new("LiveVector").on("servo").set("endpoint", "pull").set("quantity", "force"))
+        .node(
+            "coil",
+            Part::new("ActuatorSink")
+                .set("endpoint", "coil")
+                .wire("current", "level")
+                .set("limit", limit("a")),
+        )
+        .node(
+            "arm",
+            Part::new("ForceSink").set("endpoint", "arm").wire("force", "pull").set("limit", limit("n")),
+        )
+        .build()
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
+        .unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+#[test]
+fn numbers_and_vectors_come_in_and_go_out_within_limits() {
+    let graph = plain();
+    let mut level = graph.input::<Scalar>("level").expect("a number");
+    let mut pull = graph.input::<Vector>("pull").expect("a vector");
+    let mut current = graph.output::<Scalar>("coil").expect("a current");
+    let mut force = graph.output::<Vector>("arm").expect("a force");
+    let (mut player, _session) = Player::open(&graph, &SessionOptions::default().rested()).expect("plays");
+    for k in 0..40 {
+        level.push(if k < 20 { 0.1 } else { 9.0 }).expect("room");
+        pull.push([0.1, 0.0, -0.2]).expect("room");
+        player.process(1);
+    }
+    let (mut currents, mut forces) = ([0.0; 40], [[0.0; 3]; 40]);
+    assert_eq!((current.read(&mut currents), force.read(&mut forces)), (40, 40));
+    assert!(currents[19] == 0.1 && currents[39] <= 0.5 && currents[39] > 0.499, "{}", currents[39]);
+    assert_eq!(forces[39], [0.1, 0.0, -0.2]);
+}
+
+#[test]
+fn a_model_that_a_program_gives_steers_the_filter_and_allocates_nothing() {
+    let document = Builder::new("")
+        .driver("synth", 10_000.0)
+        .derived("control", "synth", 500.0)
+        .node("network", Part::new("LiveModel").on("control").set("endpoint", "network"))
+        .node("steer", Part::new("SteeredModel").wire("model", "network").set("fade_ms", Milliseconds(10.0)))
+        .node("excite", Part::new("Excitation").on("synth").wire("coefficients", hold("steer.coefficients")))
+        .node(
+            "filter",
+            Part::new("ArmaFilter")
+                .wire("coefficients", hold("steer.coefficients"))
+                .wire("excitation", "excite"),
+        )
+        .build()
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    let graph = check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    let mut network = graph.input::<Model>("network").expect("a model");
+    let names = ["filter", "steer.corrected"];
+    let options = names.iter().fold(SessionOptions::default(), |options, name| options.probe(name));
+    let (mut player, mut session) = Player::open(&graph, &options).expect("plays");
+    let [mut felt, mut corrected] = names.map(|name| session.probe::<Scalar>(name).expect("a probe"));
+    let (mut vibration, mut counts) = ([0.0; 500], [0.0; 25]);
+    let power = |of: &[f64]| of.iter().map(|x| x * x).sum::<f64>() / of.len() as f64;
+    // Silence, noise of one pole, and one that is not stable.
+    for (model, wanted) in [
+        (Model::default(), 0.0..1e-9),
+        (Model::new(0.75, &[-0.5]).expect("short"), 0.7..1.4),
+        (Model::new(0.75, &[-1.5]).expect("short"), 1.4..f64::MAX),
+    ] {
+        network.set(model).expect("room");
+        player.process(500);
+        assert_eq!(allocations(|| player.process(500)), 0);
+        felt.read(&mut vibration);
+        assert_eq!(felt.read(&mut vibration), 500);
+        let power = power(&vibration);
+        assert!(wanted.contains(&power), "{power}");
+        corrected.read(&mut counts);
+        corrected.read(&mut counts);
+    }
+    assert_eq!(counts[24], 1.0);
 }
 
 #[test]

@@ -65,7 +65,7 @@ const OTHERS: [Quantity; 5] =
 
 /// Settings of processors that are a frequency, a gain or a level and do not change while a graph runs: (kind, setting,
 /// why).
-const NOT_LIVE: [(&str, &str, &str); 21] = [
+const NOT_LIVE: [(&str, &str, &str); 22] = [
     (
         "Crossover",
         "at_hz",
@@ -97,6 +97,7 @@ const NOT_LIVE: [(&str, &str, &str); 21] = [
     ("ForceSensorModel", "force_step_n", SENSOR),
     ("ForceSensorModel", "torque_step_n_mm", SENSOR),
     ("ForceSensorModel", "most_force_n", SENSOR),
+    ("SteeredModel", "warping", "of the models that come; on another axis they would be other filters"),
     ("ForceSensorModel", "most_torque_n_mm", SENSOR),
     ("ForceSensorModel", "noise_steps", SENSOR),
 ];

@@ -167,12 +167,23 @@ pub fn power_gain(ar: &[f64], ma: &[f64]) -> Result<f64, PredictionError> {
     Ok(taps.iter().map(|v| v * v).sum())
 }
 
-/// Turns `[a_1, ..., a_p]` into `[k_1, ..., k_p]` in place.
-pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
+/// Turns `[a_1, ..., a_p]` into the reflection coefficients `[k_1, ..., k_p]` in place. Real-time safe.
+///
+/// # Errors
+/// As of [`ar_to_reflection`]; the numbers are then meaningless.
+pub fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
     for m in (1..=ar.len()).rev() {
         lower_order(&mut ar[..m])?;
     }
     Ok(())
+}
+
+/// Turns reflection coefficients `[k_1, ..., k_p]` into `[a_1, ..., a_p]` in place; stable if all lie between -1 and 1. Real-time safe.
+pub fn step_up(reflection: &mut [f64]) {
+    for m in 1..=reflection.len() {
+        let k = reflection[m - 1];
+        raise_order(&mut reflection[..m], k);
+    }
 }
 
 /// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same

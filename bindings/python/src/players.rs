@@ -3,8 +3,9 @@
 use crate::errors::Failure;
 use crate::runs::{Told, drain};
 use haptograph::engine::graph::Graph;
-use haptograph::engine::host::{AnyInput, AnyOutput, Full};
+use haptograph::engine::host::{AnyInput, AnyOutput, Full, HostFrame};
 use haptograph::engine::run::{Player as Engine, PlayerState, Session, SessionOptions};
+use haptograph::nodes::texture::Model;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -83,6 +84,15 @@ impl Inside {
     /// Sets the frame of an input from the next tick or from a time on.
     fn set(&mut self, name: &str, frame: &[f64], at: Option<f64>) -> Result<(), Failure> {
         let input = self.input(name)?;
+        // A model has as many coefficients as its program gives.
+        let mut model = [0.0; Model::WIDTH];
+        let frame = match (input.kind() == <Model as HostFrame>::KIND, model.get_mut(..frame.len())) {
+            (true, Some(given)) => {
+                given.copy_from_slice(frame);
+                &model
+            }
+            _ => frame,
+        };
         let put = match at {
             Some(seconds) => input.set_at(seconds, frame),
             None => input.set(frame),
@@ -94,6 +104,9 @@ impl Inside {
 fn refused(input: &AnyInput, error: Full) -> Failure {
     let name = input.name();
     Failure::Message(match error {
+        Full::Shape if input.kind() == <Model as HostFrame>::KIND => {
+            format!("a model of `{name}` is its variance and at most {} coefficients", Model::WIDTH - 1)
+        }
         Full::Shape => format!("a frame of `{name}` has {} components", input.kind().width()),
         error => format!("`{name}`: {error}"),
     })

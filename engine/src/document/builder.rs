@@ -60,6 +60,15 @@ impl Written for &str {
     }
 }
 
+/// A group of settings, such as a limit or a stroke.
+impl Written for Part {
+    fn written(&self) -> Value {
+        let fields = self.fields.iter();
+        let value = Value::structure(fields.map(|(name, value)| (name.as_str(), value.clone())));
+        if self.kind.is_empty() { value } else { value.named(&self.kind) }
+    }
+}
+
 impl Builder {
     /// A document about something.
     pub fn new(about: &str) -> Self {
@@ -153,6 +162,11 @@ impl Part {
         Self { kind: kind.to_owned(), fields: Vec::new() }
     }
 
+    /// Settings without a kind: `.set("limit", Part::group().set("peak_a", 0.5).set("continuous_a", 0.25))`.
+    pub fn group() -> Self {
+        Self::new("")
+    }
+
     /// Gives the node's clock.
     #[must_use]
     pub fn on(self, clock: &str) -> Self {
@@ -191,11 +205,6 @@ impl Part {
         let wires = wires.into_iter().map(|(name, wire)| (name, wire.into().0));
         self.fields.push((input.to_owned(), Value::map(wires)));
         self
-    }
-
-    fn written(&self) -> Value {
-        let fields = self.fields.iter();
-        Value::structure(fields.map(|(name, value)| (name.as_str(), value.clone()))).named(&self.kind)
     }
 }
 

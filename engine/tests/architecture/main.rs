@@ -100,8 +100,8 @@ const LAYERS: [&[&str]; 7] = [
     &["bindings/python", "benches/instructions"],
 ];
 
-/// Workspaces of their own that measure and attack the others, and that nobody names.
-const OUTSIDE: [&str; 2] = ["benches/peers", "fuzz"];
+/// Workspaces of their own that measure, show and attack the others, and that nobody names.
+const OUTSIDE: [&str; 3] = ["benches/peers", "examples/network", "fuzz"];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")

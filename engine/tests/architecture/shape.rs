@@ -14,20 +14,21 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 11] = [
-    // 96 for files that a page writes, and its clock; 20 for Fourier transforms of which a page loads less.
-    ("signal", 5_930, 4_800),
+    // 96 for files that a page writes, and its clock; 20 for Fourier transforms of which a page loads less; 6 for the step-up recursion.
+    ("signal", 5_940, 4_800),
     // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends;
-    // 67 for the players of several drivers on one clock of their caller.
-    ("engine", 19_750, 15_500),
+    // 67 for the players of several drivers on one clock of their caller; 5 for groups of settings in built graphs.
+    ("engine", 19_755, 15_500),
     // 352 for the layer of onsets and the static peak of friction, with their reading, writing and checks; 10 for models of spectra, which
-    // learning calls, too.
-    ("surfaces", 7_560, 6_000),
+    // learning calls, too; 55 for what was recorded, in files.
+    ("surfaces", 7_615, 6_000),
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
     // their files; 170 for clips; 85 for what columns of any logger probably hold, and what follows from a finding.
-    // 10 for the errors of a surface that was learned before.
-    ("learning", 15_495, 9_500),
-    // 155 for materials that stick and slip, strokes from rest, and static friction.
-    ("nodes", 14_425, 13_000),
+    // 10 for the errors of a surface that was learned before; 3 for what was recorded.
+    ("learning", 15_500, 9_500),
+    // 155 for materials that stick and slip, strokes from rest, and static friction; 250 for models and vectors that an embedding program
+    // gives.
+    ("nodes", 14_675, 13_000),
     ("live", 6_515, 6_000),
     // 99 for overviews of graphs; 5 for ports that a page can find.
     ("report", 8_080, 6_000),
@@ -42,21 +43,23 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery.
     ("src", 10_670, 6_300),
     // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python;
-    // 110 for surfaces of models from elsewhere.
-    ("bindings", 3_700, 3_100),
+    // 110 for surfaces of models from elsewhere; 10 for models that steer.
+    ("bindings", 3_710, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 11] = [
-    ("signal", 381),
-    // 9 for several drivers on one clock of their caller.
-    ("engine", 743),
-    // 1 for a model of a spectrum.
-    ("surfaces", 388),
+    // 2 for reflection coefficients in place.
+    ("signal", 383),
+    // 9 for several drivers on one clock of their caller, 1 for groups of settings.
+    ("engine", 744),
+    // 1 for a model of a spectrum, 5 for what was recorded.
+    ("surfaces", 393),
     // 1 for the errors of a surface that was learned before.
     ("learning", 385),
-    ("nodes", 412),
+    // 4 for models that an embedding program gives.
+    ("nodes", 416),
     ("live", 228),
     ("report", 158),
     ("study", 205),

@@ -1,12 +1,9 @@
-//! The nodes of a voice-coil actuator: the dynamic compensator, and the sink that drives it.
+//! The dynamic compensator of a voice-coil actuator.
 
 use super::compensator::{CORNER_HZ, Compensator, CompensatorError, LEAST_CORNER_HZ, MOST_A_PER_M_S2};
-use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
 use haptograph_engine::frame::Scalar;
-use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Built, Io, Limit, LiveId, NodeKind, Port, Processor, Tick,
-};
+use haptograph_engine::node::{BuildContext, BuildError, Built, Io, LiveId, NodeKind, Port, Processor, Tick};
 use haptograph_signal::quantity::Quantity;
 
 haptograph_engine::settings! {
@@ -94,31 +91,6 @@ impl Processor<DynamicCompensator> for Compensating {
     }
 }
 
-haptograph_engine::settings! {
-    /// Settings of [`ActuatorSink`].
-    pub struct ActuatorSinkSettings {
-        /// Gain on the current, without unit, before the limit.
-        [live] gain: f64 = 1.0;
-        /// Limit of the actuator.
-        [limit] limit: CurrentLimitSettings;
-    }
-}
-
-haptograph_engine::node! {
-    /// Drives a voice-coil actuator by current, within limits that the graph has to state. NaN and infinity become zero.
-    pub struct ActuatorSink(ActuatorSinkSettings) in "sinks";
-    source: "3.1.3";
-    example: r#""out": ActuatorSink(current: "drive.current", endpoint: "haptuator", limit: (peak_a: 0.5, continuous_a: 0.25))"#;
-    in CURRENT: Scalar = Port::of(Quantity::CURRENT, "Requested current, A.");
-    out DELIVERED: Scalar = Port::of(Quantity::CURRENT, "Current after the limit, A.");
-}
-
-impl ActuatorKind for ActuatorSink {
-    fn limit(settings: &ActuatorSinkSettings) -> Result<(f64, Limit), BuildError> {
-        Ok((settings.gain, settings.limit.limit()?))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,15 +115,5 @@ mod tests {
             power += if k < 20_000 { 0.0 } else { machine.read().acceleration_m_s2.powi(2) / 10_000.0 };
         }
         assert!((power / 0.5 - 1.0).abs() < 0.01);
-    }
-
-    #[test]
-    fn a_limit_with_more_continuous_than_peak_is_refused() {
-        let settings = |peak_a| ActuatorSinkSettings {
-            gain: 1.0,
-            limit: CurrentLimitSettings { peak_a, continuous_a: 0.25, window_s: 10.0, slew_a_per_s: None },
-        };
-        assert!(ActuatorSink::limit(&settings(0.5)).is_ok());
-        assert_eq!(ActuatorSink::limit(&settings(0.2)).err().and_then(|e| e.field), Some("limit"));
     }
 }

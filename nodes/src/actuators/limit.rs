@@ -46,6 +46,7 @@ limit_settings! {
     heat "Time constant of the coil's heat, s."
 }
 
+#[cfg(feature = "touch")]
 limit_settings! {
     /// Limit of an actuator.
     VoltageLimitSettings:

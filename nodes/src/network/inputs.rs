@@ -11,32 +11,13 @@ pub use serial::{SERIAL_RATES, SerialInput, SerialInputSettings};
 
 use super::link::{Link, Reader};
 use haptograph_engine::device::{Channel, Device};
-use haptograph_engine::frame::{Kind, Scalar};
-use haptograph_engine::node::{BuildContext, BuildError, Port};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{LiveInput, OnSilence};
 use haptograph_signal::quantity::Quantity;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-haptograph_engine::settings! {
-    /// Settings of `LiveInput`.
-    pub struct LiveInputSettings {
-        /// Quantity of the number, by name: `"frequency"`, `"force"`. The endpoint gives it in that quantity's SI unit.
-        quantity: String = "number".to_owned();
-    }
-}
-
-haptograph_engine::node! {
-    /// A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`,
-    /// a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a vector with `Pack`.
-    /// Elsewhere: MouseX, hslider, nentry, slider, Control.
-    pub struct LiveInputSource as "LiveInput"(LiveInputSettings) in "sources";
-    example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#;
-    out VALUE: Scalar =
-        Port::of_setting("quantity", "The number, in the SI unit of `quantity`; it holds while the input \
-                                      is silent.");
-}
 
 /// The channel of such an endpoint.
 pub(crate) const VALUE: &[Channel] = &[Channel::new(

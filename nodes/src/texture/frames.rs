@@ -1,6 +1,7 @@
 //! Frames between the nodes of a texture: places among the models of a surface, and synthesis filters.
 
 use haptograph_engine::frame::{Kind, KindSpec, Level, OneKind, Record};
+use haptograph_engine::host::HostFrame;
 use haptograph_surfaces::layers;
 
 /// The head, and the AR and the MA coefficients up to [`Coefficients::MAX_ORDER`].
@@ -147,6 +148,75 @@ impl<'a> Coefficients<'a> {
         components[4] = self.warping;
         components[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
         components[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
+    }
+}
+
+/// A model that an embedding program gives while the graph runs: the innovation variance, then up to 32 coefficients, which
+/// end with the last that is not 0. What they are is the setting of the `SteeredModel` that takes them.
+///
+/// ```
+/// use haptograph_nodes::texture::Model;
+/// assert_eq!(Model::new(0.5, &[-0.9, 0.2]).unwrap().0[..4], [0.5, -0.9, 0.2, 0.0]);
+/// assert!(Model::new(0.5, &[0.0; 33]).is_none());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model(pub [f64; Model::WIDTH]);
+
+impl Model {
+    /// Numbers of a frame.
+    pub const WIDTH: usize = 1 + Coefficients::MAX_ORDER;
+
+    /// A frame of this variance, (m/s2)^2, and these coefficients; `None` for more than 32.
+    pub fn new(variance: f64, coefficients: &[f64]) -> Option<Self> {
+        let mut frame = [0.0; Self::WIDTH];
+        frame[0] = variance;
+        frame.get_mut(1..=coefficients.len())?.copy_from_slice(coefficients);
+        Some(Self(frame))
+    }
+}
+
+/// Silence.
+impl Default for Model {
+    fn default() -> Self {
+        Self([0.0; Self::WIDTH])
+    }
+}
+
+/// The variance, and the coefficients by the names that AR coefficients have.
+const MODEL: [&str; Model::WIDTH] = {
+    let mut names = ["variance"; Model::WIDTH];
+    let mut at = 1;
+    while at < Model::WIDTH {
+        names[at] = FILTER[Coefficients::HEAD + at - 1];
+        at += 1;
+    }
+    names
+};
+
+impl OneKind for Model {
+    const KIND: Kind = Kind::new(&KindSpec {
+        name: "model",
+        one: "a model",
+        components: &MODEL,
+        neutral: &[],
+        is_linear: false,
+        bridges: &[],
+        level: Level {
+            name: "excitation",
+            unit: Some("m/s2"),
+            square: |frame| frame.first().copied().unwrap_or_default(),
+        },
+    });
+    type Array = [f64; Self::WIDTH];
+}
+
+impl HostFrame for Model {
+    const KIND: Kind = <Self as OneKind>::KIND;
+    fn components(&self) -> &[f64] {
+        &self.0
+    }
+    fn components_mut(&mut self) -> &mut [f64] {
+        &mut self.0
     }
 }
 

@@ -152,10 +152,7 @@ fn arma_autocovariance_is_that_of_the_impulse_response() {
 /// The polynomial with these reflection coefficients (step-up recursion); stable when all lie between -1 and 1.
 pub(crate) fn reflection_to_ar(reflection: &[f64]) -> Vec<f64> {
     let mut ar = reflection.to_vec();
-    for m in 1..=ar.len() {
-        let k = ar[m - 1];
-        raise_order(&mut ar[..m], k);
-    }
+    step_up(&mut ar);
     ar
 }
 
