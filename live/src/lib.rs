@@ -28,6 +28,8 @@ mod drivers;
 pub mod evdev;
 #[cfg(feature = "udp")]
 pub mod guard;
+#[cfg(feature = "udp")]
+mod latest_command;
 pub mod midi;
 #[cfg_attr(not(feature = "osc"), allow(dead_code, reason = "only some backends use it"))]
 mod numbers;

@@ -3,6 +3,7 @@
 use super::WAIT;
 use super::protocol::{Command, PacketError, State};
 use crate::guard::{self, Guard, Target};
+use crate::latest_command::LatestCommand;
 #[cfg(feature = "osc")]
 use crate::osc::{Addresses, OscSender, decode, each_message};
 use haptograph_nodes::network::link::{Count, DRIVEN, Link, SENSED};
@@ -73,9 +74,7 @@ pub(super) struct Exchange<'a> {
     /// Sequence number and timestamp of its latest state.
     latest: (u32, u64),
     sensed: [f64; SENSED],
-    driven: [f64; DRIVEN],
-    /// Version of the command, and when it was first seen.
-    driven_version: (u64, Option<Instant>),
+    driven: LatestCommand,
     command_sequence: u32,
     #[cfg(feature = "osc")]
     osc_sender: Option<OscSender>,
@@ -99,8 +98,7 @@ impl<'a> Exchange<'a> {
             last_packet: None,
             latest: (0, 0),
             sensed: [0.0; SENSED],
-            driven: [0.0; DRIVEN],
-            driven_version: (version, None),
+            driven: LatestCommand::after(version),
             command_sequence: 0,
         }
     }
@@ -137,11 +135,11 @@ impl<'a> Exchange<'a> {
 
     /// Sends the device a last command with zeros.
     fn release(&mut self) {
-        self.driven = [0.0; DRIVEN];
+        self.driven.values = [0.0; DRIVEN];
         #[cfg(feature = "osc")]
         if let Some(sender) = &self.osc_sender {
             // Repeated, because packets may be lost.
-            (0..3).for_each(|_| sender.send(self.socket, &self.driven));
+            (0..3).for_each(|_| sender.send(self.socket, &self.driven.values));
         }
         if let (Codec::Protocol, Some(device)) = (&self.config.codec, self.device) {
             // If none arrives, the device's own watchdog acts.
@@ -209,7 +207,7 @@ impl<'a> Exchange<'a> {
         let parts = [state.position_m, state.orientation_rad, state.force_n, state.torque_n_m];
         self.sensed.copy_from_slice(parts.as_flattened());
         self.accept(from);
-        self.update_command();
+        self.driven.update(&self.config.link, self.config.timeout);
         // The next answer makes up for a lost one.
         let _ = self.socket.send_to(&self.command(true).to_bytes(), from);
     }
@@ -222,30 +220,9 @@ impl<'a> Exchange<'a> {
         self.config.link.publish(&self.sensed);
     }
 
-    /// Takes the latest command; zeros from when the ticks that compute it have stopped until they begin from zero.
-    fn update_command(&mut self) {
-        // Read first: a command that is read after an interruption has ended is of zeros, or newer.
-        let is_interrupted = self.config.link.is_interrupted();
-        if let Some((version, driven)) = self.config.link.driven.look() {
-            let (known, _) = self.driven_version;
-            if version != known {
-                self.driven_version = (version, Some(Instant::now()));
-            }
-            self.driven = driven;
-        }
-        let (_, since) = self.driven_version;
-        let is_late = since.is_none_or(|since| since.elapsed() > self.config.timeout);
-        if is_late && since.is_some() && self.driven != [0.0; DRIVEN] {
-            self.config.link.interrupt();
-        }
-        if is_late || is_interrupted {
-            self.driven = [0.0; DRIVEN];
-        }
-    }
-
     fn command(&mut self, running: bool) -> Command {
         self.command_sequence = self.command_sequence.wrapping_add(1);
-        let [x, y, z, current_a, brake_a] = self.driven;
+        let [x, y, z, current_a, brake_a] = self.driven.values;
         Command {
             sequence: self.command_sequence,
             answers: self.latest.0,
@@ -261,9 +238,9 @@ impl<'a> Exchange<'a> {
     #[cfg(feature = "osc")]
     fn send_osc(&mut self) {
         if self.osc_sender.as_mut().is_some_and(OscSender::is_due) {
-            self.update_command();
+            self.driven.update(&self.config.link, self.config.timeout);
             if let Some(sender) = &self.osc_sender {
-                sender.send(self.socket, &self.driven);
+                sender.send(self.socket, &self.driven.values);
             }
         }
     }
