@@ -35,7 +35,7 @@ struct Shared {
 /// # Errors
 /// [`SoundcardError::Unknown`] if there is none.
 pub fn ready_to_play() -> Result<(), SoundcardError> {
-    find(Direction::Play, None).map(drop)
+    find(Direction::Play, None, |_| true).map(drop)
 }
 
 /// Plays one channel, relative to full scale, on every channel of the default soundcard. Returns at its end, or soon
@@ -46,7 +46,7 @@ pub fn ready_to_play() -> Result<(), SoundcardError> {
 pub fn play_once(samples: Vec<f32>, rate_hz: u32, stop: &AtomicBool) -> Result<(), SoundcardError> {
     let request =
         Request { device: None, rate_hz, buffer_frames: 1024, format: CardFormat::Best, channels: 1 };
-    let device = find(Direction::Play, None)?;
+    let device = find(Direction::Play, None, |_| true)?;
     let (channels, format) = choose(Direction::Play, &request, &device, &card_name(&device))?;
     let config = StreamConfig { channels, sample_rate: rate_hz, buffer_size: BufferSize::Default };
     let (shared, count) = (Arc::new(Shared::default()), samples.len());

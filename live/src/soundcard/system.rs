@@ -155,7 +155,8 @@ pub(super) fn open<P: CallbackState>(
     setup: &Setup<P>,
 ) -> Result<(Stream, OpenedStream), SoundcardError> {
     let direction = P::DIRECTION;
-    let device = find(direction, request.device.as_deref())?;
+    let is_able = |device: &cpal::Device| choose(direction, request, device, "").is_ok();
+    let device = find(direction, request.device.as_deref(), is_able)?;
     let card = card_name(&device);
     let (channels, format) = choose(direction, request, &device, &card)?;
     let built = |buffer_size: BufferSize| {
@@ -184,7 +185,13 @@ pub(super) fn open<P: CallbackState>(
     Ok((stream, got))
 }
 
-pub(super) fn find(direction: Direction, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> {
+/// The card of a name. One piece of hardware has several names of which some have too few channels: of those that `wanted` is a
+/// part of, the first that `is_able`.
+pub(super) fn find(
+    direction: Direction,
+    wanted: Option<&str>,
+    is_able: impl Fn(&cpal::Device) -> bool,
+) -> Result<cpal::Device, SoundcardError> {
     let mut names = Vec::new();
     for host in hosts() {
         let Some(wanted) = wanted else {
@@ -194,16 +201,11 @@ pub(super) fn find(direction: Direction, wanted: Option<&str>) -> Result<cpal::D
             }
         };
         let all = direction.devices_of(&host)?;
-        let part = wanted.to_lowercase();
-        let exact = all.iter().position(|device| name(device).as_deref() == Some(wanted));
-        let partly = || {
-            all.iter().position(|device| {
-                let name = name(device).unwrap_or_default();
-                name.to_lowercase().contains(&part) || about(device).to_lowercase().contains(&part)
-            })
-        };
+        let cards: Vec<[String; 2]> =
+            all.iter().map(|device| [name(device).unwrap_or_default(), about(device)]).collect();
         names.extend(all.iter().filter_map(name));
-        if let Some(device) = exact.or_else(partly).and_then(|place| all.into_iter().nth(place)) {
+        let place = pick(&cards, wanted, |place| is_able(&all[place]));
+        if let Some(device) = place.and_then(|place| all.into_iter().nth(place)) {
             return Ok(device);
         }
     }
@@ -218,6 +220,16 @@ pub(super) fn find(direction: Direction, wanted: Option<&str>) -> Result<cpal::D
             names => names.join(", "),
         },
     })
+}
+
+/// Of cards by name and description: the one of this name; else the first able one with it as a part; else the first with it as
+/// a part, whose error then says what it lacks.
+fn pick(cards: &[[String; 2]], wanted: &str, is_able: impl Fn(usize) -> bool) -> Option<usize> {
+    let part = wanted.to_lowercase();
+    let exact = cards.iter().position(|[name, _]| name == wanted);
+    let has_part = |place: &usize| cards[*place].iter().any(|text| text.to_lowercase().contains(&part));
+    let partly = || (0..cards.len()).filter(has_part);
+    exact.or_else(|| partly().find(|place| is_able(*place))).or_else(|| partly().next())
 }
 
 /// The smallest sufficient number of channels, and the best sample format at the rate.
@@ -285,5 +297,27 @@ impl<P> Setup<P> {
                 let _ = errors.try_send(error.to_string());
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_a_name_finds_the_card_with_enough_channels() {
+        let about = "DualSense Wireless Controller, USB Audio";
+        let cards = [
+            ("default", "PipeWire"),
+            ("front:CARD=Controller", about),
+            ("hw:CARD=Controller", about),
+            ("hw:CARD=PCH", "PCH"),
+        ];
+        let cards = cards.map(|(name, about)| [name.to_owned(), about.to_owned()]);
+        let has_four = |place: usize| place == 2;
+        assert_eq!(pick(&cards, "wireless controller", has_four), Some(2));
+        assert_eq!(pick(&cards, "front:CARD=Controller", has_four), Some(1), "the very name");
+        assert_eq!(pick(&cards, "PCH", has_four), Some(3), "what it lacks is reported");
+        assert_eq!(pick(&cards, "Scarlett", has_four), None);
     }
 }

@@ -20,7 +20,7 @@ macro_rules! output_settings {
                 #[doc = $doc]
                 $full_scale: f64, in 1e-9..=1e6;
                 $(#[doc = $also_doc] $also: $type;)?
-                /// Name of the card as `haptograph devices` lists it; none: the system's default.
+                /// Name of the card as `haptograph devices` lists it, or a part of its name or description; none: the system's default.
                 device: Option<String> = None;
                 /// Output channels that carry the signal, counted from 1.
                 channels: Vec<u32> = vec![1];
@@ -47,7 +47,7 @@ macro_rules! input_settings {
             pub struct $name {
                 #[doc = $doc]
                 $full_scale: f64, in 1e-9..=1e6;
-                /// Name of the card as `haptograph devices` lists it; none: the system's default.
+                /// Name of the card as `haptograph devices` lists it, or a part of its name or description; none: the system's default.
                 device: Option<String> = None;
                 /// Input channel that carries the signal, counted from 1.
                 channel: u32 = 1, in 1..=256;
