@@ -625,7 +625,7 @@ fn shells_and_manuals_know_every_command() {
 fn a_build_says_what_it_lacks_and_what_does_without() {
     let folder = tempfile::tempdir().unwrap();
     let listed = succeed(folder.path(), &["devices"]);
-    for what in ["soundcards", "tablets and mice", "serial ports", "MIDI ports"] {
+    for what in ["soundcards", "tablets and mice", "serial ports", "MIDI ports", "Haply arms"] {
         let of_kind = listed.lines().filter(|line| line.starts_with(what));
         assert_eq!(of_kind.count(), 1, "{what}: {listed}");
     }

@@ -15,6 +15,7 @@ pub const BACKENDS: &[BackendEntry] = &[
     crate::osc::BACKEND,
     crate::serial::BACKEND,
     crate::midi::BACKEND,
+    crate::haply::BACKEND,
     crate::timer::BACKEND,
 ];
 
@@ -49,10 +50,13 @@ impl BackendEntry {
 /// Refuses a graph whose devices contradict each other, as a live run of it does before it reaches any.
 ///
 /// # Errors
-/// [`BackendError`] if two actuators are on one channel of a soundcard, or two devices at one port.
+/// [`BackendError`] if two actuators are on one channel of a soundcard, two devices at one port, or two endpoints of one
+/// arm.
 pub fn refuse_conflicts(graph: &Graph) -> Result<(), BackendError> {
     crate::soundcard::card_requests(graph)?;
     #[cfg(feature = "udp")]
     crate::udp::refuse_conflicts(graph)?;
+    #[cfg(feature = "haply")]
+    crate::haply::refuse_conflicts(graph)?;
     Ok(())
 }

@@ -18,6 +18,7 @@
 //! | `midi` | | MIDI; on Linux this needs the headers of ALSA |
 //! | `midi-jack` | | MIDI by JACK or PipeWire in place of ALSA's sequencer; the headers of ALSA are needed too |
 //! | `serial` | | serial ports, on Linux and macOS |
+//! | `haply` | | Haply's arms, through the service of their manufacturer, with `udp` |
 
 #![cfg_attr(not(test), warn(unreachable_pub))]
 
@@ -28,6 +29,7 @@ mod drivers;
 pub mod evdev;
 #[cfg(feature = "udp")]
 pub mod guard;
+pub mod haply;
 #[cfg(feature = "udp")]
 mod latest_command;
 pub mod midi;

@@ -179,6 +179,8 @@ fn texture(all: &mut Registry) {
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<network::EvdevDevice>())
+        .add_device(DeviceEntry::of::<network::HaplyInverse3>())
+        .add(NodeEntry::source::<network::ArmGripSource>())
         .add_device(DeviceEntry::of::<network::inputs::OscInput>())
         .add_device(DeviceEntry::of::<network::inputs::MidiInput>())
         .add_device(DeviceEntry::of::<network::inputs::SerialInput>())

@@ -5,11 +5,13 @@
 
 mod conditioner;
 mod evdev;
+mod haply;
 pub mod inputs;
 pub mod link;
 mod osc;
 mod remote;
 
 pub use evdev::{EvdevDevice, EvdevDeviceSettings};
+pub use haply::{ArmGripSource, HaplyInverse3, HaplyInverse3Settings, HaplyPreset};
 pub use osc::{OscDevice, OscDeviceSettings};
 pub use remote::{Remote, UdpDevice, UdpDeviceSettings};

@@ -6,13 +6,13 @@ use super::result::{CommandResult, show};
 use crate::engine::registry::Registry;
 use crate::live::midi::{self, midi_ports};
 use crate::live::soundcard::{self, Listed, SoundcardError, list};
-use crate::live::{BackendEntry, evdev, serial};
+use crate::live::{BackendEntry, evdev, haply, serial};
 use crate::signal::files;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 
-/// List the soundcards, tablets, mice, serial ports and MIDI ports of this machine
+/// List the soundcards, tablets, mice, serial ports, MIDI ports and Haply arms of this machine
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     /// Also list the sample formats of each soundcard for playback and capture
@@ -29,6 +29,8 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         found => found.map_err(Failure::message)?,
     };
     let found = Found {
+        // None where no service answers.
+        arms: haply::list().unwrap_or_default(),
         formats: arguments.formats,
         midi: midi_ports(),
         missing_features: BACKENDS.iter().filter(|of| !of.is_built).map(|of| of.feature).collect(),
@@ -40,11 +42,13 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 }
 
 /// The backends whose devices are listed.
-const BACKENDS: [BackendEntry; 4] = [soundcard::BACKEND, evdev::BACKEND, serial::BACKEND, midi::BACKEND];
+const BACKENDS: [BackendEntry; 5] =
+    [soundcard::BACKEND, evdev::BACKEND, serial::BACKEND, midi::BACKEND, haply::BACKEND];
 
 /// The devices of this machine.
 #[derive(Serialize)]
 struct Found {
+    arms: Vec<String>,
     #[serde(skip)]
     formats: bool,
     midi: Vec<String>,
@@ -62,6 +66,7 @@ impl CommandResult for Found {
             ("`EvdevDevice`", &self.pointers),
             ("`SerialInput`", &self.serial),
             ("`MidiInput`", &self.midi),
+            ("`HaplyInverse3`", &self.arms),
         ];
         let sections = BACKENDS.into_iter().zip(sections);
         sections.map(|(backend, (kinds, names))| section(backend, kinds, names)).collect()

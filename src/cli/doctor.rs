@@ -8,6 +8,7 @@ use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
 use crate::engine::run::{FileSinks, Meters, Session, SessionOptions};
+use crate::live::haply;
 use crate::live::soundcard::{SoundcardError, list};
 use crate::live::timer::TimerThread;
 use crate::signal::files;
@@ -49,6 +50,7 @@ pub(super) fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Fail
         findings.push(headers());
     }
     findings.push(feature());
+    findings.extend(arms());
     findings.push(leftovers());
     findings.push(timer(registry)?);
     show(&findings, arguments.json)
@@ -208,6 +210,16 @@ fn feature() -> Finding {
         built,
         "`cargo build --release --features soundcard`, with ALSA's headers installed",
     )
+}
+
+/// The arms of the Haply Inverse Service, in a build that reaches them. Most machines have no such service.
+fn arms() -> Option<Finding> {
+    let arms = haply::BACKEND.is_built.then(haply::list)?;
+    let (found, is_well) = match arms {
+        Ok(arms) => (listed(&arms, ", ", "none at the Inverse Service"), !arms.is_empty()),
+        Err(_) => (format!("no Inverse Service at {}", haply::SERVICE), true),
+    };
+    Some(Finding::new("Haply arms", found, is_well, "connect an arm and its power supply"))
 }
 
 /// Measures the accuracy of a timer for half a second. Information only, since the next second may differ.

@@ -164,6 +164,8 @@ pub struct Remote {
     reader: Reader,
     /// Conditioner of its force and torque, if any.
     conditioner: Option<Conditioner>,
+    /// Number of its channels that are parts of a state as they are.
+    plain: usize,
     period_s: f64,
     watch: Watch,
     /// The last state.
@@ -180,6 +182,7 @@ impl Remote {
         Self {
             reader: Reader::new(&Arc::new(Link::default()), cx.rate, watch.timeout),
             conditioner: None,
+            plain: 3,
             period_s: cx.rate.period_s(),
             watch,
             latest: [0.0; SENSED],
@@ -187,6 +190,11 @@ impl Remote {
             reach: 0.0,
             driven: [0.0; DRIVEN],
         }
+    }
+
+    /// A device of four vectors, without a wrench: position, orientation, and two that are zero while it is silent.
+    pub(super) fn of_vectors(watch: Watch, cx: &BuildContext) -> Self {
+        Self { plain: 4, ..Self::new(watch, cx) }
     }
 
     /// The link that it reads and writes.
@@ -258,8 +266,8 @@ impl Device for Remote {
         match (channel, frame) {
             (0, frame) => frame.copy_from_slice(&self.latest[..3]),
             (1, frame) => frame.copy_from_slice(&self.latest[3..6]),
-            (2, frame) => {
-                for (lane, sensed) in frame.iter_mut().zip(wrench) {
+            (part, frame) if part < self.plain => {
+                for (lane, sensed) in frame.iter_mut().zip(&wrench[3 * (part - 2)..]) {
                     *lane = sensed * self.reach;
                 }
             }
