@@ -152,6 +152,27 @@ fn sets_and_parameters_that_are_not_there_are_refused() {
 }
 
 #[test]
+fn a_chosen_set_of_endpoints_has_to_be_there_whoever_has_the_endpoints() {
+    let none = "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: { \"tone\": Sine(clock: \"c\") })";
+    for (text, set, is_there) in [
+        (BY_ENDPOINTS, "simulated", true),
+        (BY_ENDPOINTS, "live", true),
+        (BY_ENDPOINTS, "lvie", false),
+        // The default asks for nothing.
+        (none, "simulated", true),
+        (none, "live", false),
+    ] {
+        let document = Document::parse("g.ron", text).expect("a document");
+        for options in [CheckOptions::default(), CheckOptions::hosted()] {
+            let checked = check(&document, &common::registry(), &options.endpoints(set));
+            let codes: Vec<&str> = checked.err().iter().flat_map(|found| &found.list).map(|one| one.code).collect();
+            assert_eq!(codes.is_empty(), is_there, "{set}: {codes:?}");
+            assert!(codes.iter().all(|code| *code == "E0210"), "{set}: {codes:?}");
+        }
+    }
+}
+
+#[test]
 fn parameters_begin_as_their_endpoints_want_them_and_the_command_line_says_the_last_word() {
     let document = Document::parse("g.ron", BY_ENDPOINTS).expect("a document");
     let frequency = |endpoints: &str, set: &[(&str, &str)]| {

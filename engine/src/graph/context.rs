@@ -163,12 +163,16 @@ impl<'a> Context<'a> {
     }
 
     /// Reports a set of endpoints that the graph does not have.
-    pub(super) fn refuse_unknown_set(&mut self, set: &str, span: Span) {
+    pub(super) fn refuse_unknown_set(&mut self, set: &str, written: Option<Span>) {
         let document = self.document;
         let declared = || document.endpoints.iter().map(|(name, _)| name.text.as_str());
         if declared().all(|known| known != set) {
             let message = format!("the graph has no set of endpoints `{set}`");
-            let diagnostic = Diagnostic::error("E0210", span, message).label("unknown set of endpoints");
+            let diagnostic = Diagnostic::error("E0210", written.unwrap_or_default(), message);
+            let diagnostic = match written {
+                Some(_) => diagnostic.label("unknown set of endpoints"),
+                None => diagnostic.of_no_place(),
+            };
             let diagnostic = self.suggest(diagnostic, set, declared(), "its sets are", "it has none");
             self.report(diagnostic);
         }

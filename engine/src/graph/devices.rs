@@ -2,7 +2,7 @@
 
 use super::context::{Context, Entries};
 use super::declared::Connected;
-use super::options::{CheckOptions, Hosted};
+use super::options::{CheckOptions, Hosted, SIMULATED};
 use super::values::{Parameters, Place};
 use super::wires::Wired;
 use crate::device::{Channel, DeviceEntry};
@@ -68,11 +68,9 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, options: &
     let mut devices = Devices { set: set.to_owned(), hosted: options.hosted.clone(), ..Devices::default() };
     let Some((_, declared)) = document.endpoints.iter().find(|(name, _)| name.text == set) else {
         // Without sets every node that needs a device reports it.
-        if !document.endpoints.is_empty() && options.hosted != Hosted::All {
-            let message = format!("the graph has no set of endpoints `{set}`");
-            let diagnostic = Diagnostic::error("E0210", Span::default(), message).of_no_place();
-            let declared = document.endpoints.iter().map(|(name, _)| name.text.as_str());
-            cx.report(cx.suggest(diagnostic, set, declared, "its sets are", ""));
+        let needs_none = document.endpoints.is_empty() || options.hosted == Hosted::All;
+        if set != SIMULATED || !needs_none {
+            cx.refuse_unknown_set(set, None);
             devices.is_unknown = true;
         }
         return devices;

@@ -264,7 +264,7 @@ impl Expansion<'_> {
         let Some((span, set)) = set else {
             return self.graph.scopes[scope].is_left_out;
         };
-        cx.refuse_unknown_set(&set, span);
+        cx.refuse_unknown_set(&set, Some(span));
         self.graph.scopes[scope].is_left_out || set != self.endpoints
     }
 

@@ -1,5 +1,8 @@
 //! Options of a check.
 
+/// The set of endpoints that nodes are bound to by default.
+pub(super) const SIMULATED: &str = "simulated";
+
 /// Options of a check.
 ///
 /// ```
@@ -15,7 +18,8 @@ pub struct CheckOptions {
     pub set: Vec<(String, String)>,
     /// The caller's term for such a value, which errors name in place of a file.
     pub set_as: &'static str,
-    /// The set of endpoints to which nodes are bound.
+    /// The set of endpoints to which nodes are bound, by default `simulated`. A set that the graph does not have is an error,
+    /// but for the default where a graph without sets needs no device, or the calling program has all endpoints.
     pub endpoints: String,
     /// The endpoints that belong to the calling program, whatever the set declares.
     pub hosted: Hosted,
@@ -82,7 +86,7 @@ impl Default for CheckOptions {
         Self {
             set: Vec::new(),
             set_as: "parameter",
-            endpoints: "simulated".into(),
+            endpoints: SIMULATED.into(),
             hosted: Hosted::AsWritten,
             lent: Vec::new(),
             seed: None,

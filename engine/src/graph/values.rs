@@ -62,7 +62,7 @@ impl Parameters {
         }
         let document = cx.document;
         for (of, defaults) in &document.defaults {
-            cx.refuse_unknown_set(&of.text, of.span);
+            cx.refuse_unknown_set(&of.text, Some(of.span));
             for (name, value) in defaults {
                 match values.get_mut(&name.text) {
                     Some(parameter) if of.text == endpoints => parameter.value = value.clone(),
