@@ -12,7 +12,7 @@ use haptograph_engine::host::{Full, HostError, Scalar, Vector, Wrench};
 use haptograph_engine::node::LiveId;
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{
-    Change, ControlError, Player, Run, Session, SessionOptions, SetError, VirtualClock,
+    Change, ChangeError, ControlError, Player, Run, Session, SessionOptions, SetError, VirtualClock,
 };
 use haptograph_engine::settings::MAX_LIVE_ITEMS;
 use haptograph_nodes::filters::classical::BandPassSettings;
@@ -298,6 +298,101 @@ fn an_edit_keeps_the_callers_handles_and_gives_probes_of_what_is_new() {
     while vibration.take().is_some() {}
     play(&mut player, 110..120);
     assert!(vibration.take().is_none() && twice.take().is_some());
+}
+
+/// A force at 1 kHz on endpoint `hand`, held at 48 kHz, and these arms, each on an endpoint of its name.
+fn with_arms(arms: &[&str]) -> Graph {
+    let has_hand = !arms.contains(&"hand");
+    let mut graph = Builder::new("A force, and arms.").driver("audio", 48_000.0).derived("servo", "audio", 1000.0);
+    if has_hand {
+        graph = graph
+            .node("stylus", Part::new("Tablet").on("servo").set("endpoint", "hand"))
+            .node("level", Part::new("Gain").on("audio").wire("input", hold("stylus.force")).set("gain", 1.0));
+    }
+    for arm in arms {
+        graph = graph.node(&format!("of {arm}"), Part::new("Arm").on("servo").set("endpoint", *arm));
+    }
+    let document = graph.build().unwrap_or_else(|wrong| panic!("{wrong}"));
+    check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
+        .unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+#[test]
+fn an_endpoint_that_both_graphs_have_is_one_and_any_other_is_the_new_graphs() {
+    let (first, more, other) = (with_arms(&[]), with_arms(&["arm"]), with_arms(&["hand"]));
+    let mut force = first.input::<Scalar>("hand.force").expect("a force");
+    let options = SessionOptions::default().probe("level.output");
+    let (mut player, mut session) = Player::open(&first, &options).expect("plays");
+    let mut level = session.probe::<Scalar>("level.output").expect("a probe");
+    let mut last = |player: &mut Player| {
+        player.process(480);
+        std::iter::from_fn(|| level.take()).last()
+    };
+    force.set(1.0).expect("room");
+    assert_eq!(last(&mut player), Some(1.0));
+
+    // Two handles for one channel: the change is refused, and the run goes on.
+    let twice = more.input::<Scalar>("hand.force").expect("it is free");
+    let probes = ["level.output", "of arm.position"].map(str::to_owned);
+    let refused = session.change_and_probe(&more, None, &probes).err();
+    assert!(matches!(&refused, Some(ChangeError::Taken { channel }) if channel == "hand.force"), "{refused:?}");
+    drop(twice);
+    force.set(2.0).expect("room");
+    assert_eq!(last(&mut player), Some(2.0));
+
+    session.change_and_probe(&more, None, &probes).expect("it takes over");
+    force.set(3.0).expect("room");
+    assert_eq!(last(&mut player), Some(3.0));
+    assert!(matches!(more.input::<Scalar>("hand.force"), Err(HostError::Taken { .. })));
+    drop(force);
+    let mut force = more.input::<Scalar>("hand.force").expect("it was let go");
+    force.set(4.0).expect("room");
+    let mut arm = more.input::<Vector>("arm.position").expect("it is new");
+    arm.set([0.1, 0.2, 0.3]).expect("room");
+    assert_eq!(last(&mut player), Some(4.0));
+    let mut at = session.probe::<Vector>("of arm.position").expect("it is new");
+    assert_eq!(std::iter::from_fn(|| at.take()).last(), Some([0.1, 0.2, 0.3]));
+    for graph in [&first, &more] {
+        let taken = Player::open(graph, &SessionOptions::default()).err();
+        assert!(matches!(taken, Some(HostError::Playing { .. })), "{taken:?}");
+    }
+
+    // The same name with other channels is another endpoint.
+    session.change_and_probe(&other, None, &["of hand.position".to_owned()]).expect("it takes over");
+    let mut hand = other.input::<Vector>("hand.position").expect("its own");
+    hand.set([0.3, 0.2, 0.1]).expect("room");
+    // Meanwhile the graphs fade.
+    player.process(960);
+    force.set(5.0).expect("a queue that nobody reads");
+    player.process(480);
+    let mut at = session.probe::<Vector>("of hand.position").expect("a probe");
+    assert_eq!(std::iter::from_fn(|| at.take()).last(), Some([0.3, 0.2, 0.1]));
+    assert_eq!(force.waiting(), 1);
+
+    // A player of its own, after all: of the endpoint that both have there is one.
+    session.finish(player);
+    let (mut player, mut session) = Player::open(&more, &options).expect("nobody plays it");
+    assert!(matches!(Player::open(&first, &options), Err(HostError::Playing { .. })));
+    let mut level = session.probe::<Scalar>("level.output").expect("a probe");
+    force.set(6.0).expect("room");
+    player.process(480);
+    assert_eq!(std::iter::from_fn(|| level.take()).last(), Some(6.0));
+    drop((player, session));
+    assert!(Player::open(&first, &options).is_ok());
+}
+
+#[test]
+fn a_change_to_what_another_player_runs_is_refused() {
+    let (first, second) = (servo(), servo());
+    let (mut player, mut session) = Player::open(&first, &SessionOptions::default()).expect("plays");
+    let other = Player::open(&second, &SessionOptions::default()).expect("plays");
+    let refused = session.change_without_files(&second).err();
+    assert!(matches!(&refused, Some(ChangeError::Playing { endpoint }) if endpoint == "hand"), "{refused:?}");
+    player.process(480);
+    drop(other);
+    session.change_without_files(&second).expect("it is free");
+    player.process(480);
+    assert_eq!(player.frames(), 960);
 }
 
 /// Numbers and vectors in, limited currents and forces out.

@@ -123,14 +123,23 @@ pub(super) fn of_node(files: Files<'_>, graph: &Attached, node: usize) -> u64 {
     })
 }
 
-/// Hash of a device's kind, settings and rate; the content of `files` as in [`of_node`].
+/// Hash of a device's kind, settings and rate, and of the channels of an endpoint of the calling program, which are those of its
+/// nodes; the content of `files` as in [`of_node`].
 pub(super) fn of_device(files: Files<'_>, graph: &Attached, device: usize) -> u64 {
-    let clock = graph.attachments[device].clock;
+    let attachment = &graph.attachments[device];
     let device = &graph.devices.list[device];
     Fingerprint::of(|state| {
         state.text(device.entry.spec.name);
         state.number(fields(files, &device.fields, &[]));
-        state.maybe_rate(clock.map(|clock| graph.clocks.list[clock].rate));
+        state.maybe_rate(attachment.clock.map(|clock| graph.clocks.list[clock].rate));
+        for channels in [&attachment.senses, &attachment.drives].into_iter().filter(|_| device.entry.is_host()) {
+            state.number(channels.len() as u64);
+            for channel in channels {
+                state.text(channel.name);
+                state.text(channel.kind.spec().name);
+                state.number(channel.kind.width() as u64);
+            }
+        }
     })
 }
 

@@ -1,7 +1,7 @@
 //! The device of a host endpoint: it reads the caller's queues and queues driven frames for the caller. Of a lent endpoint
 //! it is laid over the device, whose values pass where the caller gives none.
 
-use super::queue::{Due, Queue};
+use super::queue::{Due, Queue, Shared};
 use crate::device::{Channel, Device, DeviceKind, DeviceLatency, DeviceSpec};
 use crate::histogram::AgeMeter;
 use crate::node::{BuildContext, BuildError};
@@ -9,7 +9,7 @@ use crate::silence::{InputCell, InputState, LiveInput, OnSilence};
 use haptograph_signal::time::Rate;
 use haptograph_signal::units::Milliseconds;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Capacity of a queue, s.
@@ -60,7 +60,7 @@ impl DeviceKind for Host {
 #[derive(Debug, Clone)]
 pub(super) struct HostChannel {
     pub channel: Channel,
-    pub queue: Arc<Queue>,
+    pub queue: Shared<Queue>,
 }
 
 /// The device of a host endpoint. Copies share their queues: only one of them runs.
@@ -77,7 +77,7 @@ pub(crate) struct HostEndpoint {
     age: u64,
     is_heard: bool,
     /// True while a player runs it.
-    pub(super) playing: Arc<AtomicBool>,
+    pub(super) playing: Shared<AtomicBool>,
     /// The device of a lent endpoint.
     body: Option<Box<dyn Device>>,
 }
@@ -98,7 +98,7 @@ impl HostEndpoint {
             tick: 0,
             age: 0,
             is_heard: false,
-            playing: Arc::default(),
+            playing: Shared::new(AtomicBool::new(false)),
             body,
         }
     }
@@ -112,6 +112,11 @@ impl HostEndpoint {
         };
         let input = body.live_input().unwrap_or_else(own);
         Box::new(Self::new(input, LENT_TIMEOUT_S, rate, Some(body)))
+    }
+
+    /// The queues of its channels, in order.
+    pub(super) fn queues(&self) -> impl Iterator<Item = &HostChannel> {
+        self.senses.iter().map(|(sensed, _)| sensed).chain(&self.drives)
     }
 
     fn take(&mut self) {
@@ -145,7 +150,7 @@ impl Device for HostEndpoint {
         let frames = ((QUEUE_S * self.rate.hz()) as usize).max(LEAST_FRAMES);
         let queued = |channel: &Channel| HostChannel {
             channel: *channel,
-            queue: Arc::new(Queue::new(channel.kind.width(), frames)),
+            queue: Shared::new(Queue::new(channel.kind.width(), frames)),
         };
         let is_lent = self.body.is_some();
         let first = |x: f64| if is_lent { f64::NAN } else { x };
@@ -184,7 +189,7 @@ impl Device for HostEndpoint {
 
     fn write(&mut self, channel: usize, frame: &[f64]) {
         if let Some(driven) = self.drives.get(channel)
-            && driven.queue.held.load(Ordering::Relaxed)
+            && driven.queue.is_held()
         {
             driven.queue.put(Due::Next, frame);
         }

@@ -328,7 +328,7 @@ impl Graph {
             quantity: channel.quantity,
             rate,
         };
-        Ok((about, Arc::clone(queue)))
+        Ok((about, queue.get()))
     }
 }
 

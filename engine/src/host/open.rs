@@ -1,13 +1,16 @@
 //! Opening a run whose clock is the caller, and reading its probes.
 
 use super::any::AnyOutput;
+use super::endpoint::HostEndpoint;
 use super::handles::{HostError, HostFrame, Output, host, unknown};
+use super::queue::{Queue, Shared};
 use crate::frame::Kind;
 use crate::graph::{Graph, NodeId};
+use crate::plan::Planner;
 use crate::run::{ChangeError, Changed, Claim, FileSinks, HandedProbe, Player, Session, SessionOptions};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Weak};
 
 impl Player {
     /// Opens a run of a graph with one driver, which is the caller: the player for the caller's callback, and the session,
@@ -44,13 +47,12 @@ impl Player {
         if let Some(folder) = &options.folder {
             sinks.open_files(folder).map_err(|error| system(&error))?;
         }
-        let mut claim = Some(claim(graph)?);
-        let (mut players, session) =
+        let claim = Arc::new(claim(graph)?);
+        let (mut players, mut session) =
             Session::open_all(sinks, options, None).map_err(|error| system(&error))?;
+        session.claim = Arc::downgrade(&claim);
         for player in &mut players {
-            if let Some(claim) = claim.take() {
-                player.hold(claim);
-            }
+            player.hold(Arc::clone(&claim));
             // At fixed frames, so that the checks for silent endpoints do not depend on the calls.
             player.follow_inputs_every(player.block() as u64);
             if options.sample_costs && !cfg!(target_family = "wasm") {
@@ -112,16 +114,68 @@ impl Session {
 
 /// Claims the host endpoints of a graph for a player.
 fn claim(graph: &Graph) -> Result<Claim, HostError> {
-    let mut claimed = Claim(Vec::new());
+    let claimed = Claim::default();
     for device in graph.devices() {
         let Some(endpoint) = host(device) else { continue };
-        if endpoint.playing.swap(true, Ordering::AcqRel) {
+        if !claimed.take(endpoint.playing.get()) {
             let name = device.name.clone();
             return Err(HostError::Playing { name });
         }
-        claimed.0.push(Arc::clone(&endpoint.playing));
     }
     Ok(claimed)
+}
+
+/// The endpoints of the program in a graph that is to replace the running one.
+#[derive(Default)]
+pub(crate) struct NewEndpoints {
+    /// Each channel of those that continue, and the running queue.
+    queues: Vec<(Shared<Queue>, Arc<Queue>)>,
+    /// Those that continue, and the running flag.
+    playing: Vec<(Shared<AtomicBool>, Arc<AtomicBool>)>,
+    /// Those that the graph brings.
+    claim: Claim,
+}
+
+impl NewEndpoints {
+    /// Joins the endpoints that continue with the running ones, and gives the others to the player.
+    pub(crate) fn take_over(self, claim: &Weak<Claim>) {
+        self.queues.into_iter().for_each(|(new, running)| new.join(running));
+        self.playing.into_iter().for_each(|(new, running)| new.join(running));
+        if let Some(claim) = claim.upgrade() {
+            claim.add(&self.claim);
+        }
+    }
+}
+
+impl Session {
+    /// What becomes of the program's endpoints if a graph replaces the running one.
+    pub(crate) fn endpoints_of(&self, planner: Planner<'_>) -> Result<NewEndpoints, ChangeError> {
+        let mut found = NewEndpoints::default();
+        let (plans, own) = (self.plans(), self.claim.upgrade());
+        for device in planner.devices() {
+            let Some(new) = host(device) else { continue };
+            let continued = plans.first().and_then(|plan| plan.continued(device));
+            let running = continued.and_then(|device| device.as_any().downcast_ref::<HostEndpoint>());
+            let flag = new.playing.get();
+            let is_own = own.as_ref().is_some_and(|own| own.has(&flag));
+            if !is_own && !found.claim.take(flag) {
+                return Err(ChangeError::Playing { endpoint: device.name.clone() });
+            }
+            let Some(running) = running else { continue };
+            for (new, running) in new.queues().zip(running.queues()) {
+                let (queue, running) = (new.queue.get(), running.queue.get());
+                if !Arc::ptr_eq(&queue, &running) {
+                    if queue.is_held() {
+                        let channel = format!("{}.{}", device.name, new.channel.name);
+                        return Err(ChangeError::Taken { channel });
+                    }
+                    found.queues.push((new.queue.clone(), running));
+                }
+            }
+            found.playing.push((new.playing.clone(), running.playing.get()));
+        }
+        Ok(found)
+    }
 }
 
 impl Graph {

@@ -1,6 +1,47 @@
 //! A bounded queue of frames between two threads, without locks or waiting.
 
+use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A part of an endpoint that its handles share with the copy that runs. All copies of an endpoint have one cell for it, which
+/// [`join`](Self::join) changes; a copy keeps what it found there when it was made, so that running it takes no lock.
+#[derive(Debug)]
+pub(super) struct Shared<T> {
+    own: Arc<T>,
+    cell: Arc<Mutex<Arc<T>>>,
+}
+
+impl<T> Shared<T> {
+    pub(super) fn new(part: T) -> Self {
+        let own = Arc::new(part);
+        Self { cell: Arc::new(Mutex::new(Arc::clone(&own))), own }
+    }
+
+    /// What handles and copies made from now on have.
+    pub(super) fn get(&self) -> Arc<T> {
+        Arc::clone(&self.cell.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Gives handles and copies made from now on the part of another endpoint.
+    pub(super) fn join(&self, part: Arc<T>) {
+        *self.cell.lock().unwrap_or_else(PoisonError::into_inner) = part;
+    }
+}
+
+impl<T> Clone for Shared<T> {
+    fn clone(&self) -> Self {
+        Self { own: self.get(), cell: Arc::clone(&self.cell) }
+    }
+}
+
+impl<T> Deref for Shared<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.own
+    }
+}
 
 /// Time at which a queued frame takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +95,10 @@ impl Queue {
 
     pub(super) fn capacity(&self) -> usize {
         self.words.len() / (self.width + 1)
+    }
+
+    pub(super) fn is_held(&self) -> bool {
+        self.held.load(Ordering::Acquire)
     }
 
     pub(super) fn len(&self) -> usize {

@@ -9,6 +9,7 @@ use super::{
     ActuatorPlan, BridgePlan, BridgeWork, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
     PlanOptions, StepTime, StepWork, Tap,
 };
+use crate::device::Device;
 use crate::graph::{Bridge, Edge, Graph, GraphDevice, NodeId, Reach, Work, id_of};
 use crate::io::{Form, LINE, Placing};
 use crate::node::Stream;
@@ -101,20 +102,32 @@ fn unfilled(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan {
     }
 }
 
+impl Plan {
+    /// The device of this plan that continues if a graph with `device` replaces it.
+    pub(crate) fn continued(&self, device: &GraphDevice) -> Option<&dyn Device> {
+        let key = DevicePlan::key_of(device);
+        self.devices.iter().find(|known| known.key == key).map(|known| &*known.device)
+    }
+}
+
 impl DevicePlan {
     /// True if nodes of this driver read or drive it.
     pub(crate) fn is_used(&self) -> bool {
         !self.reads.is_empty() || !self.driven_by.is_empty()
     }
 
+    fn key_of(device: &GraphDevice) -> NodeKey {
+        NodeKey {
+            path: device.name.as_str().into(),
+            kind: device.entry.spec.name,
+            fingerprint: device.fingerprint,
+        }
+    }
+
     fn of(device: &GraphDevice) -> Self {
         Self {
             name: device.name.clone(),
-            key: NodeKey {
-                path: device.name.as_str().into(),
-                kind: device.entry.spec.name,
-                fingerprint: device.fingerprint,
-            },
+            key: Self::key_of(device),
             clock: device.clock,
             senses: device.senses.clone(),
             driven_by: Vec::new(),

@@ -2,7 +2,7 @@
 
 use super::{Plan, PlanOptions};
 use crate::graph::fingerprint::of_graph;
-use crate::graph::{Graph, Work};
+use crate::graph::{Graph, GraphDevice, Work};
 use crate::node::{FileSink, OfflineOnly, Stream};
 use crate::node_id::NodeId;
 use std::collections::BTreeMap;
@@ -32,6 +32,11 @@ impl<'g> Planner<'g> {
     /// At least one plan, one for each driver.
     pub(crate) fn plans(self, options: &PlanOptions) -> Vec<Plan> {
         Plan::of(self.0, options)
+    }
+
+    /// The devices of the graph.
+    pub(crate) fn devices(self) -> &'g [GraphDevice] {
+        self.0.devices()
     }
 
     /// Returns an error if the graph has a scripted node.

@@ -19,7 +19,7 @@ use crate::plan::Plan;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 const REPORTS: usize = 4096;
 /// Places among them for replaced plans, which must not be lost.
@@ -38,7 +38,7 @@ pub struct Player {
     swaps: Swaps,
     listeners: Listeners,
     link: Link,
-    _claim: Option<Claim>,
+    _claim: Option<Arc<Claim>>,
 }
 
 /// State of a player.
@@ -124,11 +124,36 @@ impl Progress {
 }
 
 /// Flags that are cleared when the player is dropped.
-pub(crate) struct Claim(pub Vec<Arc<AtomicBool>>);
+#[derive(Default)]
+pub(crate) struct Claim(Mutex<Vec<Arc<AtomicBool>>>);
+
+impl Claim {
+    fn flags(&self) -> MutexGuard<'_, Vec<Arc<AtomicBool>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sets a flag and keeps it. Returns whether that was possible: nobody else has set it.
+    pub(crate) fn take(&self, flag: Arc<AtomicBool>) -> bool {
+        let is_free = !flag.swap(true, Ordering::AcqRel);
+        if is_free {
+            self.flags().push(flag);
+        }
+        is_free
+    }
+
+    pub(crate) fn has(&self, flag: &Arc<AtomicBool>) -> bool {
+        self.flags().iter().any(|known| Arc::ptr_eq(known, flag))
+    }
+
+    /// Keeps the flags of another claim as well.
+    pub(crate) fn add(&self, other: &Self) {
+        self.flags().append(&mut other.flags());
+    }
+}
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        self.0.iter().for_each(|flag| flag.store(false, Ordering::Release));
+        self.flags().iter().for_each(|flag| flag.store(false, Ordering::Release));
     }
 }
 
@@ -343,7 +368,7 @@ impl Player {
     }
 
     /// Keeps a claim until it is dropped.
-    pub(crate) fn hold(&mut self, claim: Claim) {
+    pub(crate) fn hold(&mut self, claim: Arc<Claim>) {
         self._claim = Some(claim);
     }
 

@@ -10,7 +10,7 @@ use super::control::{Control, ControlError, SetError, UnknownSetting};
 use super::cost;
 use super::file_sinks::{FileSinks, WriteError, WrittenFile};
 use super::meter::Meters;
-use super::player::{Player, PlayerState, player_until};
+use super::player::{Claim, Player, PlayerState, player_until};
 use super::ring_edges::connect;
 use super::rings::{TapRings, Writer};
 use super::silence::{self, ActuatorLevel, InputStatus};
@@ -21,8 +21,8 @@ use crate::plan::{Plan, PlanOptions};
 use crate::settings::{LiveSetting, SettingId, choices};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Weak};
 
 /// Options of a run: `SessionOptions::default().block(64).rested()`.
 #[derive(Debug, Clone, Default)]
@@ -142,6 +142,8 @@ pub struct Session {
     /// (entry, stream) of each tap of the present plan.
     taps: Vec<(usize, usize)>,
     pub(crate) probes: Vec<HandedProbe>,
+    /// The endpoints of the calling program that its player has claimed.
+    pub(crate) claim: Weak<Claim>,
 }
 
 /// An output that the caller reads.
@@ -267,13 +269,14 @@ impl Session {
             entries: Vec::new(),
             taps: vec![(0, 0); sinks.taps.len()],
             probes: Vec::new(),
+            claim: Weak::new(),
         };
         session.write(sinks, outs);
         Ok((players, session))
     }
 
     /// The plans of its drivers.
-    pub(super) fn plans(&self) -> Vec<Arc<Plan>> {
+    pub(crate) fn plans(&self) -> Vec<Arc<Plan>> {
         self.controls.iter().map(|control| Arc::clone(control.plan())).collect()
     }
 

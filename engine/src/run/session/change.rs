@@ -43,6 +43,18 @@ pub enum ChangeError {
     /// A node of the new graph is a script.
     #[error(transparent)]
     OfflineOnly(#[from] OfflineOnly),
+    /// Another player runs the new graph.
+    #[error("another player runs the new graph, with `{endpoint}`; check the document again for this one")]
+    Playing {
+        /// An endpoint of the program.
+        endpoint: String,
+    },
+    /// The program has taken a handle of the new graph for a channel whose handle of the running graph continues.
+    #[error("`{channel}` continues with its present handle; drop that of the new graph first")]
+    Taken {
+        /// The channel.
+        channel: String,
+    },
     /// The new graph has other drivers.
     #[error("the new graph needs {wanted}, but the run has {running}; start a new run")]
     OtherDrivers {
@@ -102,6 +114,11 @@ impl Session {
     /// Replaces the running graph. Files that both graphs write continue; new files are opened in `folder`; files that
     /// only the old graph writes are completed. Either all drivers change over, each when it is ready, or none does.
     ///
+    /// An endpoint of the program that both graphs have, with the same channels, clock and settings, continues with its
+    /// [handles](crate::host): afterwards the new graph gives handles of these channels, too, where they are not taken. Those of
+    /// other endpoints come from the new graph, before or after the change; handles of endpoints that it does not have are no
+    /// longer read or written. The player has claimed both graphs until it is dropped.
+    ///
     /// # Errors
     /// [`ChangeError`]; the running graph continues.
     pub fn change<'g>(
@@ -131,6 +148,7 @@ impl Session {
         probes: Option<&[(&str, Port)]>,
     ) -> Result<Changed, ChangeError> {
         planner.refuse_scripts()?;
+        let endpoints = self.endpoints_of(planner)?;
         let mut sinks = FileSinks::new(planner);
         let kept_streams = self.keep_streams(&mut sinks, probes);
         let left_out = match folder {
@@ -153,6 +171,7 @@ impl Session {
         for (control, plan) in self.controls.iter_mut().zip(ready.plans) {
             change = change.and(control.put(plan)?);
         }
+        endpoints.take_over(&self.claim);
         self.rings = ready.rings;
         self.taps = kept_streams.places;
         self.taps.resize(sinks.taps.len(), (0, 0));
