@@ -228,10 +228,9 @@ fn settings(stage: &Stage) -> Vec<Value> {
         let node = graph.nodes().iter().find(|node| node.path == live.path);
         let specs = node.map(|node| node.entry.settings()).unwrap_or_default();
         let spec = specs.iter().find(|spec| spec.name == live.field);
-        let unit = symbol(spec.and_then(|spec| spec.unit.as_ref()));
         json!({
             "name": live.name(), "node": live.path, "field": live.label(), "value": live.value,
-            "unit": unit, "doc": spec.map_or("", |spec| spec.doc.as_str()),
+            "unit": live.unit, "doc": spec.map_or("", |spec| spec.doc.as_str()),
             "min": live.range.map(|range| range.0), "max": live.range.map(|range| range.1), "whole": live.whole,
         })
     });

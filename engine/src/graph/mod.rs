@@ -396,6 +396,7 @@ impl Graph {
                     },
                     whole: spec.expected.has_whole_numbers(),
                     si_per_unit: spec.si_per_unit,
+                    unit: spec.unit.as_ref().map_or_else(Default::default, |unit| unit.symbol.clone()),
                 })
             }));
         }

@@ -2,6 +2,7 @@
 
 use super::{Flag, Settings};
 use crate::node_id::NodeId;
+use std::borrow::Cow;
 use std::marker::PhantomData;
 
 /// A setting that can change while the graph runs.
@@ -23,6 +24,8 @@ pub struct LiveSetting {
     pub whole: bool,
     /// SI per unit of the value and the range, which are as in graph files.
     pub si_per_unit: f64,
+    /// Symbol of that unit; empty if there is none.
+    pub unit: Cow<'static, str>,
 }
 
 impl LiveSetting {
@@ -39,7 +42,8 @@ impl LiveSetting {
         }
     }
 
-    pub(crate) fn is_same_as(&self, other: &Self) -> bool {
+    /// True if it is the setting of that name, though perhaps in another graph. Real-time safe.
+    pub fn is_same_as(&self, other: &Self) -> bool {
         let key = |live: &Self| (live.field, live.setting.item);
         self.path == other.path && key(self) == key(other)
     }
