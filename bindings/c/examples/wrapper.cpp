@@ -33,6 +33,7 @@ static double loudest_a(const std::string &path) {
         position.set({0.03 * std::cos(angle), 0.03 * std::sin(angle), 0});
         force.set({1.0}), touching.set({1.0});
         if (call == 50) gain.set(0.25);
+        if (call == 75) player.change(hg::Graph::open(path, {"gain=0.1"}), {probe}); // on another thread, where time counts
         if (player.process(frames.size()) != HAPTOGRAPH_STATUS_OK) break;
         current.read(frames.data(), frames.size());
         for (const auto &ampere : frames) most = std::max(most, std::fabs(ampere[0]));
@@ -40,6 +41,8 @@ static double loudest_a(const std::string &path) {
     std::size_t count = 0;
     vibration.read(frames.data(), frames.size(), &count);
     std::printf("%zu frames of %s begin with %g m/s2\n", count, probe, frames[0][0]);
+    for (const auto &live : player.settings()) std::printf("%s %g %s\n", live.name, live.value, live.unit);
+    for (const auto &input : player.live_inputs()) std::printf("%s acts on %u\n", input.endpoint, input.actuators);
     std::printf("%.1f s played\n", player.finish().seconds);
     return most;
 }

@@ -11,7 +11,21 @@
 // Threads     "Any thread": at any time. "One thread at a time": the call returns HAPTOGRAPH_STATUS_BUSY if another
 //             thread is using the same object; calls never wait. Several threads can use different objects.
 // Real-time   Calls marked real-time do not allocate, wait or call the system, even if they fail.
-// Units       SI: m, N, A, m/s2, s.
+// Units       SI: m, N, A, m/s2, s; settings have their own.
+//
+// The shortest program: open, feed and run; every call returns a status to check (bindings/c/examples does).
+//
+//     haptograph_graph graph; haptograph_input position; haptograph_output force; haptograph_player player;
+//     haptograph_graph_open("graphs/omni.ron", NULL, &graph);
+//     haptograph_graph_input(graph, "arm.position", HAPTOGRAPH_VECTOR, &position);
+//     haptograph_graph_output(graph, "arm.force", HAPTOGRAPH_VECTOR, &force);
+//     haptograph_player_open(graph, NULL, &player);
+//     while (servo_tick(position_m, force_n)) {                // the program's own callback, every ms: only real-time calls
+//         haptograph_input_set(position, position_m, 3);       // m
+//         haptograph_player_process(player, 10);               // 10 frames of the graph's driver, which runs at 10 kHz
+//         haptograph_output_read(force, force_n, 3, NULL);     // N, within the graph's limits
+//     }
+//     haptograph_player_finish(player, NULL);
 
 #ifndef HAPTOGRAPH_H
 #define HAPTOGRAPH_H
@@ -46,7 +60,8 @@ enum haptograph_status
  {
   // Success.
   HAPTOGRAPH_STATUS_OK = 0,
-  // The graph has errors: haptograph_last_error_rendered() returns them as printed on a terminal.
+  // The graph has errors, or it cannot replace the running one: haptograph_last_error_rendered() returns the reasons as
+  // printed on a terminal.
   HAPTOGRAPH_STATUS_GRAPH = 1,
   // An argument is null, misaligned, not UTF-8, or out of range.
   HAPTOGRAPH_STATUS_ARGUMENT = 2,
@@ -104,6 +119,52 @@ typedef uint32_t haptograph_state;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// How a graph replaced another.
+enum haptograph_change
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The graphs differ in live settings at most: the run goes on, and these ramp in 20 ms.
+  HAPTOGRAPH_CHANGE_SETTINGS = 0,
+  // Both graphs run for 10 ms, in which one fades into the other.
+  HAPTOGRAPH_CHANGE_CROSS_FADE = 1,
+  // The old graph fades to zero in 10 ms, then the new one fades in: an actuator changed, or the two cannot run together.
+  HAPTOGRAPH_CHANGE_THROUGH_ZERO = 2,
+  // Neither graph has an actuator to fade.
+  HAPTOGRAPH_CHANGE_AT_ONCE = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum haptograph_change haptograph_change;
+#else
+typedef uint32_t haptograph_change;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// The state of an endpoint that this program feeds.
+enum haptograph_input_state
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // It has had no value: its actuators are at zero.
+  HAPTOGRAPH_INPUT_STATE_NEVER = 0,
+  // Its last value is fresh.
+  HAPTOGRAPH_INPUT_STATE_HEARD = 1,
+  // Its last value is older than `timeout_s`.
+  HAPTOGRAPH_INPUT_STATE_SILENT = 2,
+  // Its values moved faster than a hand can: the endpoint's own actuators are at zero for a while.
+  HAPTOGRAPH_INPUT_STATE_JUMPED = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum haptograph_input_state haptograph_input_state;
+#else
+typedef uint32_t haptograph_input_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // Options for checking a graph. Initialise it with HAPTOGRAPH_GRAPH_OPTIONS, the defaults.
 typedef struct {
   // sizeof(haptograph_graph_options).
@@ -112,7 +173,8 @@ typedef struct {
   const char *const *set;
   // Number of entries.
   size_t set_count;
-  // The set of endpoints to take devices from; null: "simulated".
+  // The set of endpoints to take devices and defaults of parameters from; null: "simulated". A set that the graph does not
+  // have is an error (HAPTOGRAPH_STATUS_GRAPH, code "E0210").
   const char *endpoints;
   // The endpoints that this program feeds and reads; null: all of them.
   const char *const *hosted;
@@ -197,6 +259,52 @@ typedef struct {
   // Whether a node panicked.
   uint32_t panicked;
 } haptograph_outcome;
+
+// A live setting of a player.
+typedef struct {
+  // Node and setting, "out.gain", for haptograph_player_setting(); longer names are truncated.
+  char name[128];
+  // The unit of the numbers, as in graph files ("mm/s", UTF-8); empty if there is none.
+  char unit[32];
+  // The value set last, or that of the graph.
+  double value;
+  // The smallest value that can be set; -INFINITY if there is no limit.
+  double min;
+  // The largest value that can be set; INFINITY if there is no limit.
+  double max;
+  // Not 0: only whole numbers have a meaning, and the setting jumps to them.
+  uint32_t whole;
+} haptograph_live_setting;
+
+// An endpoint whose silence acts on actuators.
+typedef struct {
+  // The endpoint, "stylus"; longer names are truncated.
+  char endpoint[128];
+  // Whether values arrive.
+  haptograph_input_state state;
+  // Not 0: its actuators continue while it is silent.
+  uint32_t holds;
+  // Time without a new value after which it is silent, s of the run.
+  double timeout_s;
+  // Number of actuators that depend on it: haptograph_player_actuators() lists them.
+  uint32_t actuators;
+  // Number of them that are held at zero, or fade there, because this or another of their inputs is silent.
+  uint32_t closed;
+} haptograph_live_input;
+
+// An actuator that depends on a live input.
+typedef struct {
+  // The node that drives it, "out"; longer names are truncated.
+  char name[128];
+  // The unit of `delivered`, SI.
+  char unit[32];
+  // Largest magnitude over the axes of its last output.
+  double delivered;
+  // Not 0: a silent input closes its gate: the output fades to zero in 10 ms, or is there.
+  uint32_t closed;
+  // Not 0: it is closed and its output is zero.
+  uint32_t at_zero;
+} haptograph_actuator;
 
 #ifdef __cplusplus
 extern "C" {
@@ -307,12 +415,26 @@ haptograph_status haptograph_input_push(haptograph_input input,
                                         size_t length,
                                         size_t *pushed);
 
+// Like haptograph_input_push(), from a buffer of float, which each become the double of the same value. One thread at a time;
+// real-time.
+haptograph_status haptograph_input_push_float(haptograph_input input,
+                                              const float *values,
+                                              size_t length,
+                                              size_t *pushed);
+
 // Fills `values` with the oldest unread frames, and with zeros after the last one. `length`: capacity of `values`, whole
 // frames. `read`: number of frames read, or null. One thread at a time; real-time.
 haptograph_status haptograph_output_read(haptograph_output output,
                                          double *values,
                                          size_t length,
                                          size_t *read);
+
+// Like haptograph_output_read(), into a buffer of float: each value is rounded to the nearest one, and is infinite beyond its
+// range. One thread at a time; real-time.
+haptograph_status haptograph_output_read_float(haptograph_output output,
+                                               float *values,
+                                               size_t length,
+                                               size_t *read);
 
 // Returns the components of a channel, its tick rate (Hz) and the number of queued frames; each pointer may be null. One
 // thread at a time; real-time.
@@ -349,12 +471,33 @@ haptograph_status haptograph_player_state(haptograph_player player,
                                           haptograph_state *state,
                                           uint64_t *frames);
 
-// Opens the output of a probe in the player's options, from the first frame on; possible once for each probe. The caller
+// Opens the output of a probe in the player's options, from the first frame on, or of one that haptograph_player_change() named;
+// possible once for each probe. The caller
 // frees it with haptograph_output_free(). Not while another thread processes; not real-time.
 haptograph_status haptograph_player_probe(haptograph_player player,
                                           const char *name,
                                           uint32_t components,
                                           haptograph_output *output);
+
+// Replaces the graph of a run without a click, from the next frames of haptograph_player_process() on. Nodes that both graphs
+// have keep their state; settings that were set keep their values unless the graph changes them. Files go on, and new ones are
+// begun in the player's folder. A later change waits for the fades of an earlier one. In a cross-fade both graphs run frame by
+// frame for 10 ms, in which haptograph_player_process() takes about 13 times as long.
+//
+// An endpoint that both graphs have, with the same channels and clock, continues with its inputs and outputs: keep them. Those of
+// other endpoints are opened from `graph`, before or after this call; old ones stay valid handles, but are no longer read or
+// written. Settings are found again by name. `probes`: the outputs to probe from now on, as in haptograph_play_options; a probe
+// of the running graph that is among them keeps its output, other probes end. `change`: how the graph was replaced, or null.
+//
+// HAPTOGRAPH_STATUS_GRAPH: the graph cannot replace the running one: its driver has another rate, it has several drivers or a
+// script. HAPTOGRAPH_STATUS_TAKEN: an input or output of `graph` is open whose endpoint continues, or another player runs it.
+// HAPTOGRAPH_STATUS_SYSTEM: a file cannot be written. After any failure the running graph continues. The player uses both graphs
+// until haptograph_player_finish(), and outlives them. Any thread, also while another processes; not real-time.
+haptograph_status haptograph_player_change(haptograph_player player,
+                                           haptograph_graph graph,
+                                           const char *const *probes,
+                                           size_t probe_count,
+                                           haptograph_change *change);
 
 // Sets a live setting by name, "out.gain"; the value ramps in 20 ms. Any thread, also while another processes; not
 // real-time.
@@ -362,14 +505,14 @@ haptograph_status haptograph_player_set(haptograph_player player,
                                         const char *name,
                                         double value);
 
-// Finds a live setting by name. The caller frees it with haptograph_setting_free(). Any thread, also while another
-// processes; not real-time.
+// Finds a live setting by name; after haptograph_player_change() it is the setting of that name of the new graph. The caller
+// frees it with haptograph_setting_free(). Any thread, also while another processes; not real-time.
 haptograph_status haptograph_player_setting(haptograph_player player,
                                             const char *name,
                                             haptograph_setting *setting);
 
-// Sets a live setting; the value ramps in 20 ms. HAPTOGRAPH_STATUS_BUSY: another thread is setting one of this player;
-// try again. Any thread, also while another processes; real-time.
+// Sets a live setting; the value ramps in 20 ms. HAPTOGRAPH_STATUS_BUSY: another thread uses a setting of this player, or
+// changes its graph; try again. Any thread, also while another processes; real-time.
 haptograph_status haptograph_setting_set(haptograph_setting setting,
                                          double value);
 
@@ -385,6 +528,33 @@ haptograph_status haptograph_player_stop(haptograph_player player);
 // written; the player is freed nevertheless.
 haptograph_status haptograph_player_finish(haptograph_player player,
                                            haptograph_outcome *outcome);
+
+// Copies at most `capacity` of the live settings of the running graph, in the order of its nodes. `count`: the full number, or
+// null. Any thread, also while another processes; not real-time.
+haptograph_status haptograph_player_settings(haptograph_player player,
+                                             haptograph_live_setting *settings,
+                                             size_t capacity,
+                                             size_t *count);
+
+// Returns the value of a live setting: the one set last, or that of the graph. The running value ramps there in 20 ms.
+// HAPTOGRAPH_STATUS_NAME: haptograph_player_change() brought a graph without it. HAPTOGRAPH_STATUS_BUSY: another thread uses
+// a setting of this player, or changes its graph; try again. Any thread, also while another processes; real-time.
+haptograph_status haptograph_setting_value(haptograph_setting setting,
+                                           double *value);
+
+// Copies at most `capacity` of the endpoints whose silence acts on actuators, and their state after the last call of
+// haptograph_player_process(). `count`: the full number, or null. Any thread, also while another processes; not real-time.
+haptograph_status haptograph_player_live_inputs(haptograph_player player,
+                                                haptograph_live_input *inputs,
+                                                size_t capacity,
+                                                size_t *count);
+
+// Copies at most `capacity` of the actuators that depend on the live input `endpoint`, like haptograph_player_live_inputs().
+haptograph_status haptograph_player_actuators(haptograph_player player,
+                                              const char *endpoint,
+                                              haptograph_actuator *actuators,
+                                              size_t capacity,
+                                              size_t *count);
 
 #ifdef __cplusplus
 }  // extern "C"

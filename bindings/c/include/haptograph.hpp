@@ -67,13 +67,17 @@ using Wrench = std::array<double, 6>;
 template <typename Frame> class Input : public Handle<haptograph_input, haptograph_input_free> {
 public:
     using Handle::Handle;
-    // Real-time, all three.
+    // Real-time, all of them.
     haptograph_status set(const Frame &frame) noexcept { return haptograph_input_set(raw_, frame.data(), frame.size()); }
     haptograph_status set_at(double seconds, const Frame &frame) noexcept {
         return haptograph_input_set_at(raw_, seconds, frame.data(), frame.size());
     }
     haptograph_status push(const Frame &frame) noexcept {
         return haptograph_input_push(raw_, frame.data(), frame.size(), nullptr);
+    }
+    // `length` counts numbers, whole frames.
+    haptograph_status push(const float *values, std::size_t length, std::size_t *pushed = nullptr) noexcept {
+        return haptograph_input_push_float(raw_, values, length, pushed);
     }
 };
 
@@ -87,13 +91,18 @@ public:
                                       count);
     }
     haptograph_status read(Frame &frame) noexcept { return read(&frame, 1); }
+    // `length` counts numbers, whole frames.
+    haptograph_status read(float *values, std::size_t length, std::size_t *count = nullptr) noexcept {
+        return haptograph_output_read_float(raw_, values, length, count);
+    }
 };
 
 class Setting : public Handle<haptograph_setting, haptograph_setting_free> {
 public:
     using Handle::Handle;
-    // Real-time.
+    // Real-time, both.
     haptograph_status set(double value) noexcept { return haptograph_setting_set(raw_, value); }
+    haptograph_status value(double &value) const noexcept { return haptograph_setting_value(raw_, &value); }
 };
 
 class Graph : public Handle<haptograph_graph, haptograph_graph_free> {
@@ -146,6 +155,17 @@ private:
 
 namespace detail {
 inline haptograph_status finish(haptograph_player player) { return haptograph_player_finish(player, nullptr); }
+
+// All items of a list, of which `copy` takes a buffer, its capacity and where the full number goes.
+template <typename Item, typename Copy> std::vector<Item> all(Copy copy) {
+    std::vector<Item> items;
+    std::size_t count = 0;
+    check(copy(nullptr, 0, &count));
+    items.resize(count);
+    check(copy(items.data(), items.size(), &count));
+    if (count < items.size()) items.resize(count);
+    return items;
+}
 } // namespace detail
 
 // Ends its run when it goes, unless finish() was called, which says how it went.
@@ -167,6 +187,24 @@ public:
         haptograph_setting setting;
         check(haptograph_player_setting(raw_, name.c_str(), &setting));
         return Setting(setting);
+    }
+    std::vector<haptograph_live_setting> settings() const {
+        return detail::all<haptograph_live_setting>(
+            [this](auto... to) { return haptograph_player_settings(raw_, to...); });
+    }
+    std::vector<haptograph_live_input> live_inputs() const {
+        return detail::all<haptograph_live_input>(
+            [this](auto... to) { return haptograph_player_live_inputs(raw_, to...); });
+    }
+    std::vector<haptograph_actuator> actuators(const std::string &endpoint) const {
+        return detail::all<haptograph_actuator>(
+            [&](auto... to) { return haptograph_player_actuators(raw_, endpoint.c_str(), to...); });
+    }
+    // Replaces the graph without a click; see haptograph_player_change() for what becomes of inputs, outputs and probes.
+    haptograph_change change(const Graph &graph, const std::vector<const char *> &probes = {}) {
+        haptograph_change change;
+        check(haptograph_player_change(raw_, graph.raw(), probes.data(), probes.size(), &change));
+        return change;
     }
     template <typename Frame> Output<Frame> probe(const std::string &name) const {
         haptograph_output output;

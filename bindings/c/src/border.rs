@@ -6,15 +6,17 @@
 mod channel;
 mod error;
 mod graph;
+mod live;
 mod memory;
 mod player;
 
+pub(crate) use memory::fixed;
 use std::ffi::c_char;
 
 /// All C functions, for tests.
 #[cfg(test)]
 pub mod calls {
-    pub use super::{channel::*, error::*, graph::*, player::*};
+    pub use super::{channel::*, error::*, graph::*, live::*, player::*};
 }
 
 /// Major version of this interface. A compiled program works with every library of the same major version; before 1 the
@@ -38,7 +40,8 @@ pub const HAPTOGRAPH_WRENCH: u32 = 6;
 pub enum Status {
     /// Success.
     Ok = 0,
-    /// The graph has errors: haptograph_last_error_rendered() returns them as printed on a terminal.
+    /// The graph has errors, or it cannot replace the running one: haptograph_last_error_rendered() returns the reasons as
+    /// printed on a terminal.
     Graph = 1,
     /// An argument is null, misaligned, not UTF-8, or out of range.
     Argument = 2,
@@ -78,6 +81,34 @@ pub enum State {
     Finished = 2,
     /// A node panicked, which is an internal error of haptograph; the actuators went to zero through their limits.
     Panicked = 3,
+}
+
+/// How a graph replaced another.
+#[repr(u32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// The graphs differ in live settings at most: the run goes on, and these ramp in 20 ms.
+    Settings = 0,
+    /// Both graphs run for 10 ms, in which one fades into the other.
+    CrossFade = 1,
+    /// The old graph fades to zero in 10 ms, then the new one fades in: an actuator changed, or the two cannot run together.
+    ThroughZero = 2,
+    /// Neither graph has an actuator to fade.
+    AtOnce = 3,
+}
+
+/// The state of an endpoint that this program feeds.
+#[repr(u32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputState {
+    /// It has had no value: its actuators are at zero.
+    Never = 0,
+    /// Its last value is fresh.
+    Heard = 1,
+    /// Its last value is older than `timeout_s`.
+    Silent = 2,
+    /// Its values moved faster than a hand can: the endpoint's own actuators are at zero for a while.
+    Jumped = 3,
 }
 
 /// A graph, read and checked. All zeros means no graph.
@@ -130,7 +161,8 @@ pub struct GraphOptions {
     pub set: *const *const c_char,
     /// Number of entries.
     pub set_count: usize,
-    /// The set of endpoints to take devices from; null: "simulated".
+    /// The set of endpoints to take devices and defaults of parameters from; null: "simulated". A set that the graph does not
+    /// have is an error (HAPTOGRAPH_STATUS_GRAPH, code "E0210").
     pub endpoints: *const c_char,
     /// The endpoints that this program feeds and reads; null: all of them.
     pub hosted: *const *const c_char,
@@ -172,6 +204,58 @@ pub struct Channel {
     pub unit: [c_char; 32],
     /// HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH.
     pub components: u32,
+}
+
+/// A live setting of a player.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct LiveSetting {
+    /// Node and setting, "out.gain", for haptograph_player_setting(); longer names are truncated.
+    pub name: [c_char; 128],
+    /// The unit of the numbers, as in graph files ("mm/s", UTF-8); empty if there is none.
+    pub unit: [c_char; 32],
+    /// The value set last, or that of the graph.
+    pub value: f64,
+    /// The smallest value that can be set; -INFINITY if there is no limit.
+    pub min: f64,
+    /// The largest value that can be set; INFINITY if there is no limit.
+    pub max: f64,
+    /// Not 0: only whole numbers have a meaning, and the setting jumps to them.
+    pub whole: u32,
+}
+
+/// An endpoint whose silence acts on actuators.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct LiveInput {
+    /// The endpoint, "stylus"; longer names are truncated.
+    pub endpoint: [c_char; 128],
+    /// Whether values arrive.
+    pub state: InputState,
+    /// Not 0: its actuators continue while it is silent.
+    pub holds: u32,
+    /// Time without a new value after which it is silent, s of the run.
+    pub timeout_s: f64,
+    /// Number of actuators that depend on it: haptograph_player_actuators() lists them.
+    pub actuators: u32,
+    /// Number of them that are held at zero, or fade there, because this or another of their inputs is silent.
+    pub closed: u32,
+}
+
+/// An actuator that depends on a live input.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Actuator {
+    /// The node that drives it, "out"; longer names are truncated.
+    pub name: [c_char; 128],
+    /// The unit of `delivered`, SI.
+    pub unit: [c_char; 32],
+    /// Largest magnitude over the axes of its last output.
+    pub delivered: f64,
+    /// Not 0: a silent input closes its gate: the output fades to zero in 10 ms, or is there.
+    pub closed: u32,
+    /// Not 0: it is closed and its output is zero.
+    pub at_zero: u32,
 }
 
 /// The outcome of a run.

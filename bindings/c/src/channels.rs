@@ -27,14 +27,42 @@ pub(crate) enum FrameTime {
     Next,
 }
 
+/// A number of the caller's memory; any bits of it are one.
+pub(crate) trait Sample: Copy + Into<f64> {
+    /// The nearest number of this type.
+    fn of(value: f64) -> Self;
+}
+
+impl Sample for f64 {
+    fn of(value: f64) -> Self {
+        value
+    }
+}
+
+impl Sample for f32 {
+    fn of(value: f64) -> Self {
+        value as Self
+    }
+}
+
+/// Most components of a frame.
+const WIDTH: usize = WRENCH as usize;
+
 /// Writes frames in order; returns the number written, and the error that stopped the rest. Real-time.
-pub(crate) fn write(input: &mut AnyInput, time: FrameTime, values: &[f64]) -> (usize, Result<(), Status>) {
+pub(crate) fn write<T: Sample>(
+    input: &mut AnyInput,
+    time: FrameTime,
+    values: &[T],
+) -> (usize, Result<(), Status>) {
     let width = input.kind().width();
     if values.is_empty() || !values.len().is_multiple_of(width) {
         return (0, Err(Status::Shape));
     }
     let mut given = 0;
     for frame in values.chunks_exact(width) {
+        let mut components = [0.0; WIDTH];
+        components.iter_mut().zip(frame).for_each(|(component, value)| *component = (*value).into());
+        let frame = &components[..width.min(WIDTH)];
         let put: Result<(), Full> = match time {
             FrameTime::Now => input.set(frame),
             FrameTime::At(seconds) => input.set_at(seconds, frame),
@@ -49,18 +77,18 @@ pub(crate) fn write(input: &mut AnyInput, time: FrameTime, values: &[f64]) -> (u
 }
 
 /// Fills `values` with frames, then with zeros; returns the number of frames. Real-time.
-pub(crate) fn read(output: &mut AnyOutput, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status> {
+pub(crate) fn read<T: Sample>(output: &mut AnyOutput, values: &mut [MaybeUninit<T>]) -> Result<usize, Status> {
     let width = output.kind().width();
     if !values.len().is_multiple_of(width) {
         return Err(Status::Shape);
     }
     let mut count = 0;
     for values in values.chunks_exact_mut(width) {
-        let mut room = [0.0; 6];
+        let mut room = [0.0; WIDTH];
         let lanes = room.get_mut(..width).ok_or(Status::Shape)?;
         count += usize::from(output.take(lanes));
         values.iter_mut().zip(lanes).for_each(|(value, lane)| {
-            value.write(*lane);
+            value.write(T::of(*lane));
         });
     }
     Ok(count)

@@ -3,7 +3,7 @@
 use crate::border::Status;
 use haptograph_engine::diagnostic::{Diagnostics, Severity};
 use haptograph_engine::host::{Full, HostError};
-use haptograph_engine::run::ControlError;
+use haptograph_engine::run::{ChangeError, ControlError};
 use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString};
@@ -72,6 +72,18 @@ impl From<HostError> for Failure {
     }
 }
 
+impl From<ChangeError> for Failure {
+    fn from(error: ChangeError) -> Self {
+        let status = match error {
+            ChangeError::Control(ControlError::Full) => Status::Full,
+            ChangeError::Playing { .. } | ChangeError::Taken { .. } => Status::Taken,
+            ChangeError::Write(_) => Status::System,
+            _ => Status::Graph,
+        };
+        Self::new(status, error)
+    }
+}
+
 impl From<Full> for Status {
     fn from(full: Full) -> Self {
         match full {
@@ -98,7 +110,7 @@ impl From<ControlError> for Status {
 pub(crate) fn text(status: Status) -> &'static CStr {
     match status {
         Status::Ok => c"no error",
-        Status::Graph => c"the graph has errors",
+        Status::Graph => c"the graph has errors, or cannot replace the running one",
         Status::Argument => c"an argument is null, misaligned, not UTF-8, or out of range",
         Status::Handle => c"the handle is null, was freed, or was not created by this library",
         Status::Kind => c"the handle belongs to another type of object",

@@ -2,7 +2,7 @@
 //!
 //! - `border`: the functions that C calls, and the only module with `unsafe`. No panic leaves it.
 //! - `table`: handles are slot numbers with generations. A freed or invented handle finds no object.
-//! - `graphs`, `players`, `channels`: safe implementations of the calls.
+//! - `graphs`, `players`, `channels`, `listing`: safe implementations of the calls.
 //! - `failure`: statuses, and the last error of each thread.
 //!
 //! Architecture invariant: a call that the header marks as real-time does not wait for a lock, does not allocate and does
@@ -16,6 +16,7 @@ mod border;
 mod channels;
 mod failure;
 mod graphs;
+mod listing;
 mod players;
 mod table;
 

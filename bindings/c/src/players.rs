@@ -1,13 +1,13 @@
 //! Players: one handle for the real-time half of a run and the half that may block.
 
-use crate::border::{Outcome, State, Status};
+use crate::border::{self, Outcome, State, Status};
 use crate::channels;
 use crate::failure::Failure;
 use crate::table::{self, Entry, try_lock};
-use haptograph_engine::graph::{Graph, NodeId};
+use haptograph_engine::graph::Graph;
 use haptograph_engine::host::AnyOutput;
-use haptograph_engine::node::SettingId;
-use haptograph_engine::run::{Player, PlayerState, Session, SessionOptions};
+use haptograph_engine::run::{Change, Player, PlayerState, Session, SessionOptions};
+use haptograph_engine::settings::LiveSetting;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -32,13 +32,14 @@ pub(crate) struct PlayerEntry {
     state: AtomicU32,
     frames: AtomicU64,
     stop: Arc<AtomicBool>,
+    /// The folder of its files.
+    folder: Option<PathBuf>,
 }
 
-/// A live setting of a player.
+/// A live setting of a player, which a changed graph may have at another place.
 pub(crate) struct Setting {
     player: u64,
-    node: NodeId,
-    setting: SettingId,
+    live: LiveSetting,
 }
 
 /// Opens a player of a graph and returns its handle.
@@ -53,7 +54,7 @@ pub(crate) fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failu
     }
     let mut options = SessionOptions::default();
     options.probes = request.probes.iter().map(|name| (*name).to_owned()).collect();
-    options.folder = request.folder;
+    options.folder.clone_from(&request.folder);
     options.rested = request.rested;
     options.block = request.block;
     options.seconds = (request.seconds > 0.0).then_some(request.seconds);
@@ -65,6 +66,7 @@ pub(crate) fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failu
         state: AtomicU32::new(State::Running as u32),
         frames: AtomicU64::new(0),
         stop,
+        folder: request.folder,
     };
     // Some systems allocate a lock when it is first taken.
     drop((entry.player.lock(), entry.session.lock()));
@@ -119,17 +121,60 @@ impl PlayerEntry {
     /// Finds the live setting of this name.
     pub(crate) fn setting(&self, player: u64, name: &str) -> Result<Setting, Failure> {
         let session = try_lock(&self.session)?;
-        let found = session.find_setting(name);
-        let (node, setting) = found.map_err(|unknown| Failure::new(Status::Name, unknown))?;
-        Ok(Setting { player, node, setting })
+        let found = session.settings().find(|live| live.name() == name).cloned();
+        let live = found.ok_or_else(|| Failure::new(Status::Name, session.unknown_setting(name)))?;
+        Ok(Setting { player, live })
     }
 
     /// Sets a live setting by its name.
     pub(crate) fn set(&self, name: &str, value: f64) -> Result<(), Failure> {
-        let setting = self.setting(0, name)?;
+        let live = self.setting(0, name)?.live;
         try_lock(&self.session)?
-            .set(setting.node, setting.setting, value)
+            .set(live.node, live.setting, value)
             .map_err(|error| Failure::new(error.into(), format_args!("`{name}`: {error}")))
+    }
+
+    /// The live settings and their values.
+    pub(crate) fn settings(&self) -> Result<Vec<border::LiveSetting>, Failure> {
+        Ok(try_lock(&self.session)?.settings().map(border::LiveSetting::from).collect())
+    }
+
+    /// The live inputs and their effect.
+    pub(crate) fn live_inputs(&self) -> Result<Vec<border::LiveInput>, Failure> {
+        Ok(try_lock(&self.session)?.live_inputs().iter().map(border::LiveInput::from).collect())
+    }
+
+    /// The actuators that depend on a live input.
+    pub(crate) fn actuators(&self, endpoint: &str) -> Result<Vec<border::Actuator>, Failure> {
+        let inputs = try_lock(&self.session)?.live_inputs();
+        let Some(input) = inputs.iter().find(|input| input.device == endpoint) else {
+            let known: Vec<&str> = inputs.iter().map(|input| input.device.as_str()).collect();
+            let known = known.join(", ");
+            let message = format_args!("the graph has no live input `{endpoint}`; it has {known}");
+            return Err(Failure::new(Status::Name, message));
+        };
+        Ok(input.actuators.iter().map(border::Actuator::from).collect())
+    }
+
+    /// Replaces the graph; the running one continues if that is not possible.
+    pub(crate) fn change(&self, graph: &Graph, probes: &[&str]) -> Result<border::Change, Failure> {
+        if self.state() != State::Running {
+            return Err(Status::Ended.into());
+        }
+        for probe in probes {
+            graph.find_output(probe)?;
+        }
+        let probes: Vec<String> = probes.iter().map(|name| (*name).to_owned()).collect();
+        let mut session = try_lock(&self.session)?;
+        // Frees what earlier changes replaced.
+        session.poll();
+        let changed = session.change_and_probe(graph, self.folder.as_deref(), &probes)?;
+        Ok(match changed.change {
+            Change::Settings(_) => border::Change::Settings,
+            Change::CrossFade => border::Change::CrossFade,
+            Change::FadeThroughZero(_) => border::Change::ThroughZero,
+            Change::AtOnce => border::Change::AtOnce,
+        })
     }
 
     /// Ends the run and completes its files.
@@ -158,7 +203,19 @@ impl Setting {
     /// Sets the value. Real-time.
     pub(crate) fn set(&self, value: f64) -> Result<(), Status> {
         table::player(self.player, |player| {
-            try_lock(&player.session)?.set(self.node, self.setting, value).map_err(Status::from)
+            let mut session = try_lock(&player.session)?;
+            let live = session.settings().find(|live| live.is_same_as(&self.live)).ok_or(Status::Name)?;
+            let (node, setting) = (live.node, live.setting);
+            session.set(node, setting, value).map_err(Status::from)
+        })
+    }
+
+    /// The value set last, or that of the graph. Real-time.
+    pub(crate) fn value(&self) -> Result<f64, Status> {
+        table::player(self.player, |player| {
+            let session = try_lock(&player.session)?;
+            let mut all = session.settings();
+            all.find(|live| live.is_same_as(&self.live)).map(|live| live.value).ok_or(Status::Name)
         })
     }
 }

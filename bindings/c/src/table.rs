@@ -27,7 +27,7 @@ pub(crate) enum Entry {
     Input(Box<Mutex<AnyInput>>),
     Output(Box<Mutex<AnyOutput>>),
     Player(Box<PlayerEntry>),
-    Setting(Setting),
+    Setting(Box<Setting>),
 }
 
 /// The type of an object.

@@ -55,8 +55,9 @@ fn played() -> Played {
 fn real_time_calls_allocate_nothing_whether_they_succeed_or_fail() {
     let Played { position, current, player, gain, .. } = played();
     let (point, mut frames) = ([0.01, 0.0, 0.0], [0.0; 480]);
+    let (narrow, mut narrow_frames, mut value) = ([0.01_f32, 0.0, 0.0], [0.0_f32; 480], 0.0);
     let stale = Player { id: player.id ^ 1 << 40 };
-    let mut ended = Vec::with_capacity(400);
+    let mut ended = Vec::with_capacity(640);
     let count = allocations(|| {
         for call in 0..40 {
             let seconds = f64::from(call) * 0.01;
@@ -73,6 +74,12 @@ fn real_time_calls_allocate_nothing_whether_they_succeed_or_fail() {
                     calls::haptograph_setting_set(gain, seconds),
                     calls::haptograph_setting_set(Setting { id: player.id }, 1.0),
                     calls::haptograph_player_state(player, null_mut(), null_mut()),
+                    calls::haptograph_input_push_float(position, narrow.as_ptr(), 3, null_mut()),
+                    calls::haptograph_input_push_float(position, narrow.as_ptr(), 2, null_mut()),
+                    calls::haptograph_output_read_float(current, narrow_frames.as_mut_ptr(), 480, null_mut()),
+                    calls::haptograph_output_read_float(current, null_mut(), 480, null_mut()),
+                    calls::haptograph_setting_value(gain, &mut value),
+                    calls::haptograph_setting_value(gain, null_mut()),
                 ]
             });
         }
@@ -89,8 +96,15 @@ fn real_time_calls_allocate_nothing_whether_they_succeed_or_fail() {
         Status::Ok,
         Status::Kind,
         Status::Ok,
+        Status::Ok,
+        Status::Shape,
+        Status::Ok,
+        Status::Argument,
+        Status::Ok,
+        Status::Argument,
     ];
-    assert!(ended.chunks(10).all(|ended| ended == wanted), "{ended:?}");
+    assert!(ended.chunks(wanted.len()).all(|ended| ended == wanted), "{ended:?}");
+    assert_eq!(value, 0.39, "what was set last");
 }
 
 #[test]

@@ -45,6 +45,11 @@ fn hostile_calls_end_in_errors() {
     assert_success(&run("tests/hostile.c", &[&here("../../graphs/texturepad.ron")]));
 }
 
+#[test]
+fn a_run_is_looked_at_and_its_graph_changed() {
+    assert_success(&run("tests/live.c", &[&here("../../graphs/texturepad.ron")]));
+}
+
 /// What `examples/audio.c` does, by the engine itself.
 fn texture() -> Vec<f32> {
     let document = Document::load(here("../../graphs/texturepad.ron"), &LoadOptions::default())

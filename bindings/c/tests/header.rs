@@ -5,7 +5,7 @@ use std::path::Path;
 fn generated() -> String {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(here.join("cbindgen.toml")).expect("a configuration");
-    let sources = ["", "/error", "/graph", "/channel", "/player"];
+    let sources = ["", "/error", "/graph", "/channel", "/player", "/live"];
     let mut builder = cbindgen::Builder::new().with_config(config);
     for source in sources {
         builder = builder.with_src(here.join(format!("src/border{source}.rs")));

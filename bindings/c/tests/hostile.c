@@ -1,34 +1,8 @@
 // Calls that a careful program never makes: each ends in an error that says so, and the library goes on.
 // hostile GRAPH: the texture pad. Run by tests/c.rs, and under AddressSanitizer and valgrind by .ci/full.
-#include <haptograph.h>
-#include <math.h>
+#include "expect.h"
 #include <pthread.h>
 #include <stdatomic.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-static int failed, checks;
-
-static void expect(int line, const char *what, int got, int wanted) {
-    checks++;
-    if (got == wanted) return;
-    failed++;
-    printf("line %d: %s: %d, not %d: %s\n", line, what, got, wanted, haptograph_last_error_message());
-}
-
-#define EXPECT(call, wanted) expect(__LINE__, #call, (int)(call), (int)(HAPTOGRAPH_STATUS_##wanted))
-#define HOLDS(what) expect(__LINE__, #what, (what) ? 1 : 0, 1)
-
-static const char *path;
-
-static haptograph_graph open_graph(void) {
-    haptograph_graph graph = {0};
-    EXPECT(haptograph_graph_open(path, NULL, &graph), OK);
-    HOLDS(graph.id != 0);
-    return graph;
-}
 
 static void graphs(void) {
     haptograph_graph graph = {7};
@@ -67,7 +41,17 @@ static void graphs(void) {
     options.hosted = unknown, options.hosted_count = 1;
     EXPECT(haptograph_graph_open(path, &options, &graph), NAME);
     HOLDS(strstr(haptograph_last_error_message(), "haptuator") != NULL);
+    options.hosted = NULL, options.hosted_count = 0;
+    options.endpoints = "lvie";
+    EXPECT(haptograph_graph_open(path, &options, &graph), GRAPH);
+    HOLDS(strcmp(haptograph_last_error_code(), "E0210") == 0);
+    HOLDS(strstr(haptograph_last_error_message(), "lvie") != NULL);
+    options.endpoints = "\xff";
+    EXPECT(haptograph_graph_open(path, &options, &graph), ARGUMENT);
     HOLDS(graph.id == 7);
+    options.endpoints = "live";
+    EXPECT(haptograph_graph_open(path, &options, &graph), OK);
+    EXPECT(haptograph_graph_free(graph), OK);
 
     const char *text = "Graph(format: 1, about: \"\xff\")";
     EXPECT(haptograph_graph_parse(text, strlen(text), NULL, NULL, &graph), ARGUMENT);
@@ -118,6 +102,7 @@ static void handles(void) {
 
     // Each in the place of the others.
     double one = 1;
+    float narrow = 1;
     EXPECT(haptograph_graph_free((haptograph_graph){input.id}), KIND);
     EXPECT(haptograph_input_free((haptograph_input){graph.id}), KIND);
     EXPECT(haptograph_output_free((haptograph_output){player.id}), KIND);
@@ -127,6 +112,16 @@ static void handles(void) {
     EXPECT(haptograph_input_set((haptograph_input){output.id}, &one, 1), KIND);
     EXPECT(haptograph_output_read((haptograph_output){input.id}, &one, 1, NULL), KIND);
     EXPECT(haptograph_setting_set((haptograph_setting){input.id}, 1), KIND);
+    EXPECT(haptograph_setting_value((haptograph_setting){player.id}, &one), KIND);
+    EXPECT(haptograph_input_push_float((haptograph_input){output.id}, &narrow, 1, NULL), KIND);
+    EXPECT(haptograph_output_read_float((haptograph_output){input.id}, &narrow, 1, NULL), KIND);
+    EXPECT(haptograph_player_settings((haptograph_player){graph.id}, NULL, 0, NULL), KIND);
+    EXPECT(haptograph_player_live_inputs((haptograph_player){input.id}, NULL, 0, NULL), KIND);
+    EXPECT(haptograph_player_actuators((haptograph_player){output.id}, "stylus", NULL, 0, NULL), KIND);
+    EXPECT(haptograph_player_change((haptograph_player){graph.id}, graph, NULL, 0, NULL), KIND);
+    EXPECT(haptograph_player_change(player, (haptograph_graph){player.id}, NULL, 0, NULL), KIND);
+    EXPECT(haptograph_player_change(player, null, NULL, 0, NULL), HANDLE);
+    EXPECT(haptograph_player_change((haptograph_player){0}, graph, NULL, 0, NULL), HANDLE);
     EXPECT(haptograph_player_stop((haptograph_player){setting.id}), KIND);
 
     // The graph goes first; what came of it stays, and what was freed is known to be.
@@ -139,6 +134,9 @@ static void handles(void) {
     EXPECT(haptograph_player_finish(player, NULL), HANDLE);
     EXPECT(haptograph_player_process(player, 1), HANDLE);
     EXPECT(haptograph_setting_set(setting, 0.5), HANDLE);
+    EXPECT(haptograph_setting_value(setting, &rate), HANDLE);
+    EXPECT(haptograph_player_settings(player, NULL, 0, NULL), HANDLE);
+    EXPECT(haptograph_player_live_inputs(player, NULL, 0, NULL), HANDLE);
     EXPECT(haptograph_setting_free(setting), OK);
     EXPECT(haptograph_input_free(input), OK);
     EXPECT(haptograph_input_set(input, &one, 1), HANDLE);
@@ -209,6 +207,20 @@ static void values(void) {
     EXPECT(haptograph_output_read(current, buffer, 64, (size_t *)3), ARGUMENT);
     EXPECT(haptograph_output_read(current, buffer, 64, &count), OK);
     HOLDS(count == 64);
+    float narrow[64] = {0};
+    EXPECT(haptograph_input_push_float(position, NULL, 3, &count), ARGUMENT);
+    EXPECT(haptograph_input_push_float(position, (float *)((char *)narrow + 1), 3, NULL), ARGUMENT);
+    EXPECT(haptograph_input_push_float(position, narrow, SIZE_MAX / 4, NULL), ARGUMENT);
+    EXPECT(haptograph_input_push_float(position, narrow, 3, (size_t *)3), ARGUMENT);
+    EXPECT(haptograph_input_push_float(position, narrow, 4, NULL), SHAPE);
+    narrow[4] = NAN;
+    EXPECT(haptograph_input_push_float(position, narrow, 6, &count), NOT_FINITE);
+    HOLDS(count == 1);
+    EXPECT(haptograph_output_read_float(current, NULL, 1, &count), ARGUMENT);
+    EXPECT(haptograph_output_read_float(current, (float *)((char *)narrow + 2), 1, NULL), ARGUMENT);
+    EXPECT(haptograph_output_read_float(current, narrow, SIZE_MAX / 2, NULL), ARGUMENT);
+    EXPECT(haptograph_output_read_float(current, narrow, 64, &count), OK);
+    HOLDS(count == 64);
     int full = 0;
     for (int push = 0; push < 100000 && !full; push++)
         full = haptograph_input_push(force, buffer, 64, &count) == HAPTOGRAPH_STATUS_FULL;
@@ -223,6 +235,11 @@ static void values(void) {
     EXPECT(haptograph_player_setting(player, "out.gain", &setting), OK);
     EXPECT(haptograph_setting_set(setting, INFINITY), NOT_FINITE);
     EXPECT(haptograph_setting_set(setting, 0.5), OK);
+    double value = 0;
+    EXPECT(haptograph_setting_value(setting, NULL), ARGUMENT);
+    EXPECT(haptograph_setting_value(setting, (double *)3), ARGUMENT);
+    EXPECT(haptograph_setting_value(setting, &value), OK);
+    HOLDS(value == 0.5);
     haptograph_output probe;
     EXPECT(haptograph_player_probe(player, "texture.output", 1, &probe), NAME);
     int full_commands = 0;
@@ -239,6 +256,7 @@ static void values(void) {
     EXPECT(haptograph_player_process(player, 4800), ENDED);
     EXPECT(haptograph_player_state(player, &state, NULL), OK);
     HOLDS(state == HAPTOGRAPH_STATE_STOPPED);
+    EXPECT(haptograph_player_change(player, graph, NULL, 0, NULL), ENDED);
     EXPECT(haptograph_player_finish(player, (haptograph_outcome *)5), ARGUMENT);
     EXPECT(haptograph_player_finish(player, NULL), OK);
     EXPECT(haptograph_setting_free(setting), OK);
@@ -275,6 +293,7 @@ static haptograph_player raced;
 static haptograph_input raced_input;
 static haptograph_output raced_output;
 static haptograph_setting raced_setting;
+static haptograph_graph raced_graphs[2];
 static atomic_int processed, refused, wrong, over;
 
 static int allowed(haptograph_status status) {
@@ -299,6 +318,10 @@ static void *race(void *number) {
         allowed(haptograph_player_set(raced, "out.gain", 0.5));
         haptograph_state state;
         allowed(haptograph_player_state(raced, &state, NULL));
+        haptograph_live_input inputs[1];
+        allowed(haptograph_setting_value(raced_setting, values));
+        allowed(haptograph_player_live_inputs(raced, inputs, 1, NULL));
+        if (round % 20 == 0) allowed(haptograph_player_change(raced, raced_graphs[(round / 20 + (intptr_t)number) % 2], NULL, 0, NULL));
         // All try to end it, some of them while others are inside.
         if (round > 200 && (intptr_t)number == 0) over = haptograph_player_finish(raced, NULL) == HAPTOGRAPH_STATUS_OK;
     }
@@ -307,6 +330,7 @@ static void *race(void *number) {
 
 static void threads(void) {
     haptograph_graph graph = open_graph();
+    raced_graphs[0] = graph, raced_graphs[1] = open_graph();
     EXPECT(haptograph_graph_input(graph, "stylus.force", 1, &raced_input), OK);
     EXPECT(haptograph_graph_output(graph, "haptuator.current", 1, &raced_output), OK);
     EXPECT(haptograph_player_open(graph, NULL, &raced), OK);
@@ -320,6 +344,7 @@ static void threads(void) {
     EXPECT(haptograph_setting_free(raced_setting), OK);
     EXPECT(haptograph_input_free(raced_input), OK);
     EXPECT(haptograph_output_free(raced_output), OK);
+    EXPECT(haptograph_graph_free(raced_graphs[1]), OK);
     EXPECT(haptograph_graph_free(graph), OK);
 }
 
@@ -343,6 +368,5 @@ int main(int count, char **arguments) {
     pthread_create(&other, NULL, errors_of_a_thread, NULL);
     pthread_join(other, NULL);
     HOLDS(strstr(haptograph_last_error_message(), "nowhere") != NULL);
-    printf("%d checks, %d failed\n", checks, failed);
-    return failed != 0;
+    return report();
 }

@@ -45,8 +45,9 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery; 10 for Haply's arms.
     ("src", 10_680, 6_300),
     // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python;
-    // 110 for surfaces of models from elsewhere; 10 for models that steer.
-    ("bindings", 3_710, 3_100),
+    // 110 for surfaces of models from elsewhere; 10 for models that steer; 274 for seven calls of C, with the structures of their lists:
+    // other graphs, settings, silence, and buffers of float.
+    ("bindings", 3_984, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
@@ -54,6 +55,7 @@ const BUDGETS: [(&str, usize, usize); 11] = [
 const PUBLIC: [(&str, usize); 11] = [
     // 2 for reflection coefficients in place.
     ("signal", 383),
+    // 9 for several drivers on one clock of their caller, 1 for groups of settings, 1 for a live setting of two graphs.
     // 9 for several drivers on one clock of their caller, 1 for groups of settings, 1 for a live setting of two graphs.
     ("engine", 745),
     // 1 for a model of a spectrum, 5 for what was recorded.
@@ -69,7 +71,8 @@ const PUBLIC: [(&str, usize); 11] = [
     // 5 that its two modules for pages share.
     ("studio", 65),
     ("src", 20),
-    ("bindings", 45),
+    // 6 for structures of lists in C.
+    ("bindings", 51),
 ];
 
 /// Largest number of lines of a function, of fields of a type, of lines of a macro, of macros, and of files in a circle of

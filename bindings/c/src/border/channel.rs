@@ -2,7 +2,7 @@
 
 use super::memory::{self, OutPointer};
 use super::{Graph, Input, Output, Status};
-use crate::channels::{self, FrameTime};
+use crate::channels::{self, FrameTime, Sample};
 use crate::failure::{Failure, guard, guard_realtime};
 use crate::table::{self, Entry, ObjectKind};
 use haptograph_engine::host::AnyOutput;
@@ -115,17 +115,42 @@ pub unsafe extern "C" fn haptograph_input_push(
     length: usize,
     pushed: *mut usize,
 ) -> Status {
-    guard_realtime(|| {
-        // SAFETY: what the header asks of each pointer; so it is below.
-        let out = unsafe { OutPointer::optional(pushed)? };
-        out.write(0);
-        // SAFETY: as above.
-        let values = unsafe { memory::values(values, length)? };
-        table::input(input.id, |input| {
-            let (count, ended) = channels::write(input, FrameTime::Next, values);
-            out.write(count);
-            ended
-        })
+    // SAFETY: the condition of this function.
+    guard_realtime(|| unsafe { push(input, (values, length), pushed) })
+}
+
+/// Like haptograph_input_push(), from a buffer of float, which each become the double of the same value. One thread at a time;
+/// real-time.
+///
+/// # Safety
+/// As of haptograph_input_push.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_input_push_float(
+    input: Input,
+    values: *const f32,
+    length: usize,
+    pushed: *mut usize,
+) -> Status {
+    // SAFETY: the condition of this function.
+    guard_realtime(|| unsafe { push(input, (values, length), pushed) })
+}
+
+/// # Safety
+/// `values.0` is null or of `values.1` numbers; `pushed` is null or of room for a number.
+unsafe fn push<T: Sample>(
+    input: Input,
+    values: (*const T, usize),
+    pushed: *mut usize,
+) -> Result<(), Status> {
+    // SAFETY: the condition of this function; so it is below.
+    let out = unsafe { OutPointer::optional(pushed)? };
+    out.write(0);
+    // SAFETY: as above.
+    let values = unsafe { memory::values(values.0, values.1)? };
+    table::input(input.id, |input| {
+        let (count, ended) = channels::write(input, FrameTime::Next, values);
+        out.write(count);
+        ended
     })
 }
 
@@ -141,14 +166,39 @@ pub unsafe extern "C" fn haptograph_output_read(
     length: usize,
     read: *mut usize,
 ) -> Status {
-    guard_realtime(|| {
-        // SAFETY: what the header asks of each pointer; so it is below.
-        let out = unsafe { OutPointer::optional(read)? };
-        out.write(0);
-        // SAFETY: as above.
-        let values = unsafe { memory::room(values, length)? };
-        table::output(output.id, |output| channels::read(output, values)).map(|count| out.write(count))
-    })
+    // SAFETY: the condition of this function.
+    guard_realtime(|| unsafe { read_into(output, (values, length), read) })
+}
+
+/// Like haptograph_output_read(), into a buffer of float: each value is rounded to the nearest one, and is infinite beyond its
+/// range. One thread at a time; real-time.
+///
+/// # Safety
+/// As of haptograph_output_read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_output_read_float(
+    output: Output,
+    values: *mut f32,
+    length: usize,
+    read: *mut usize,
+) -> Status {
+    // SAFETY: the condition of this function.
+    guard_realtime(|| unsafe { read_into(output, (values, length), read) })
+}
+
+/// # Safety
+/// `values.0` is null or of room for `values.1` numbers; `read` is null or of room for a number.
+unsafe fn read_into<T: Sample>(
+    output: Output,
+    values: (*mut T, usize),
+    read: *mut usize,
+) -> Result<(), Status> {
+    // SAFETY: the condition of this function; so it is below.
+    let out = unsafe { OutPointer::optional(read)? };
+    out.write(0);
+    // SAFETY: as above.
+    let values = unsafe { memory::room(values.0, values.1)? };
+    table::output(output.id, |output| channels::read(output, values)).map(|count| out.write(count))
 }
 
 /// Returns the components of a channel, its tick rate (Hz) and the number of queued frames; each pointer may be null. One

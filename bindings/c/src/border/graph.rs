@@ -125,7 +125,7 @@ pub unsafe extern "C" fn haptograph_graph_warnings(
         if capacity == 0 {
             return Ok(());
         }
-        let cut = boundary(&found, capacity - 1);
+        let cut = memory::boundary(&found, capacity - 1);
         let bytes: Vec<c_char> = found.as_bytes()[..cut].iter().map(|byte| *byte as c_char).collect();
         let ended: Vec<c_char> = bytes.into_iter().chain([0]).collect();
         // SAFETY: as above. The number is not needed.
@@ -174,28 +174,14 @@ unsafe fn list(
     channels: (*mut Channel, usize),
     count: *mut usize,
 ) -> Result<(), Failure> {
-    // SAFETY: the condition of this function; so it is below.
-    let out = unsafe { OutPointer::optional(count)? };
-    let found = table::graph(graph.id, |graph| Ok::<_, Failure>(graphs::channels(graph, direction)))?;
-    let shown = |(name, channel): &(String, haptograph_engine::device::Channel)| Channel {
-        name: fixed(name),
-        unit: fixed(&channel.quantity.unit()),
+    let shown = |(name, channel): (String, haptograph_engine::device::Channel)| Channel {
+        name: memory::fixed(&name),
+        unit: memory::fixed(&channel.quantity.unit()),
         components: channel.kind.width() as u32,
     };
-    let found: Vec<Channel> = found.iter().map(shown).collect();
-    // SAFETY: as above.
-    unsafe { memory::copy(&found, channels, &out) }.map_err(Into::into)
-}
-
-/// The number of bytes of whole characters that fit into `room`.
-fn boundary(text: &str, room: usize) -> usize {
-    (0..=room.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
-}
-
-/// As much of a text as fits, with a final 0.
-fn fixed<const ROOM: usize>(text: &str) -> [c_char; ROOM] {
-    let mut fixed = [0; ROOM];
-    let cut = boundary(text, ROOM - 1);
-    fixed.iter_mut().zip(&text.as_bytes()[..cut]).for_each(|(to, byte)| *to = *byte as c_char);
-    fixed
+    let found = || {
+        table::graph(graph.id, |graph| Ok(graphs::channels(graph, direction).into_iter().map(shown).collect()))
+    };
+    // SAFETY: the condition of this function.
+    unsafe { memory::list(found, channels, count) }
 }

@@ -2,6 +2,7 @@
 //! guarantees that other pointers are valid, as the header states.
 
 use crate::border::{GraphOptions, PlayOptions, Status};
+use crate::channels::Sample;
 use crate::failure::Failure;
 use std::ffi::{CStr, c_char};
 use std::mem::MaybeUninit;
@@ -107,15 +108,15 @@ pub unsafe fn texts<'a>(
     pointers.iter().map(read).collect()
 }
 
-fn has_memory(pointer: *const f64, length: usize) -> bool {
-    !pointer.is_null() && pointer.is_aligned() && length <= isize::MAX as usize / size_of::<f64>()
+fn has_memory<T: Sample>(pointer: *const T, length: usize) -> bool {
+    !pointer.is_null() && pointer.is_aligned() && length <= isize::MAX as usize / size_of::<T>()
 }
 
 /// Reads values of the caller. Real-time.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of `length` values that stay as they are for `'a`.
-pub unsafe fn values<'a>(pointer: *const f64, length: usize) -> Result<&'a [f64], Status> {
+pub unsafe fn values<'a, T: Sample>(pointer: *const T, length: usize) -> Result<&'a [T], Status> {
     if !has_memory(pointer, length) {
         return Err(Status::Argument);
     }
@@ -127,7 +128,10 @@ pub unsafe fn values<'a>(pointer: *const f64, length: usize) -> Result<&'a [f64]
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of room for `length` values that nobody else uses for `'a`.
-pub unsafe fn room<'a>(pointer: *mut f64, length: usize) -> Result<&'a mut [MaybeUninit<f64>], Status> {
+pub unsafe fn room<'a, T: Sample>(
+    pointer: *mut T,
+    length: usize,
+) -> Result<&'a mut [MaybeUninit<T>], Status> {
     if !has_memory(pointer, length) {
         return Err(Status::Argument);
     }
@@ -192,6 +196,34 @@ pub unsafe fn copy<T: Copy>(
     // here does not lie where the caller's memory is.
     unsafe { std::ptr::copy_nonoverlapping(items.as_ptr(), pointer, copied) };
     Ok(())
+}
+
+/// Copies a list that the library makes, as [`copy`] does.
+///
+/// # Safety
+/// As of [`copy`]; `count` is null or of room for a number.
+pub unsafe fn list<T: Copy>(
+    found: impl FnOnce() -> Result<Vec<T>, Failure>,
+    to: (*mut T, usize),
+    count: *mut usize,
+) -> Result<(), Failure> {
+    // SAFETY: the condition of this function; so it is below.
+    let count = unsafe { OutPointer::optional(count)? };
+    // SAFETY: as above.
+    unsafe { copy(&found()?, to, &count) }.map_err(Into::into)
+}
+
+/// The number of bytes of whole characters that fit into `room`.
+pub fn boundary(text: &str, room: usize) -> usize {
+    (0..=room.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
+}
+
+/// As much of a text as fits, with a final 0.
+pub fn fixed<const ROOM: usize>(text: &str) -> [c_char; ROOM] {
+    let mut fixed = [0; ROOM];
+    let cut = boundary(text, ROOM - 1);
+    fixed.iter_mut().zip(&text.as_bytes()[..cut]).for_each(|(to, byte)| *to = *byte as c_char);
+    fixed
 }
 
 /// An options structure that begins with its own size.

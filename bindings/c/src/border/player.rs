@@ -1,7 +1,7 @@
 //! Players.
 
 use super::memory::{self, OutPointer};
-use super::{Graph, Outcome, Output, PlayOptions, Player, Setting, State, Status, channel};
+use super::{Change, Graph, Outcome, Output, PlayOptions, Player, Setting, State, Status, channel};
 use crate::failure::{Failure, guard, guard_realtime};
 use crate::players::{self, PlayRequest};
 use crate::table::{self, Entry, ObjectKind};
@@ -81,7 +81,8 @@ pub unsafe extern "C" fn haptograph_player_state(
     })
 }
 
-/// Opens the output of a probe in the player's options, from the first frame on; possible once for each probe. The caller
+/// Opens the output of a probe in the player's options, from the first frame on, or of one that haptograph_player_change() named;
+/// possible once for each probe. The caller
 /// frees it with haptograph_output_free(). Not while another thread processes; not real-time.
 ///
 /// # Safety
@@ -104,6 +105,44 @@ pub unsafe extern "C" fn haptograph_player_probe(
     })
 }
 
+/// Replaces the graph of a run without a click, from the next frames of haptograph_player_process() on. Nodes that both graphs
+/// have keep their state; settings that were set keep their values unless the graph changes them. Files go on, and new ones are
+/// begun in the player's folder. A later change waits for the fades of an earlier one. In a cross-fade both graphs run frame by
+/// frame for 10 ms, in which haptograph_player_process() takes about 13 times as long.
+///
+/// An endpoint that both graphs have, with the same channels and clock, continues with its inputs and outputs: keep them. Those of
+/// other endpoints are opened from `graph`, before or after this call; old ones stay valid handles, but are no longer read or
+/// written. Settings are found again by name. `probes`: the outputs to probe from now on, as in haptograph_play_options; a probe
+/// of the running graph that is among them keeps its output, other probes end. `change`: how the graph was replaced, or null.
+///
+/// HAPTOGRAPH_STATUS_GRAPH: the graph cannot replace the running one: its driver has another rate, it has several drivers or a
+/// script. HAPTOGRAPH_STATUS_TAKEN: an input or output of `graph` is open whose endpoint continues, or another player runs it.
+/// HAPTOGRAPH_STATUS_SYSTEM: a file cannot be written. After any failure the running graph continues. The player uses both graphs
+/// until haptograph_player_finish(), and outlives them. Any thread, also while another processes; not real-time.
+///
+/// # Safety
+/// `probes` is null or of `probe_count` texts that end with 0; `change` is null or of room for one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_player_change(
+    player: Player,
+    graph: Graph,
+    probes: *const *const c_char,
+    probe_count: usize,
+    change: *mut Change,
+) -> Status {
+    guard(|| {
+        // SAFETY: what the header asks of each pointer; so it is below.
+        let out = unsafe { OutPointer::optional(change)? };
+        // SAFETY: as above.
+        let probes = unsafe { memory::texts("probes", probes, probe_count)? };
+        let changed = table::player(player.id, |player| {
+            table::graph(graph.id, |graph| player.change(graph, &probes))
+        })?;
+        out.write(changed);
+        Ok(())
+    })
+}
+
 /// Sets a live setting by name, "out.gain"; the value ramps in 20 ms. Any thread, also while another processes; not
 /// real-time.
 ///
@@ -118,8 +157,8 @@ pub unsafe extern "C" fn haptograph_player_set(player: Player, name: *const c_ch
     })
 }
 
-/// Finds a live setting by name. The caller frees it with haptograph_setting_free(). Any thread, also while another
-/// processes; not real-time.
+/// Finds a live setting by name; after haptograph_player_change() it is the setting of that name of the new graph. The caller
+/// frees it with haptograph_setting_free(). Any thread, also while another processes; not real-time.
 ///
 /// # Safety
 /// `name` is null or a text that ends with 0; `setting` is null or of room for a handle.
@@ -135,14 +174,14 @@ pub unsafe extern "C" fn haptograph_player_setting(
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let found = table::player(player.id, |entry| entry.setting(player.id, name))?;
-        let id = table::insert(Entry::Setting(found))?;
+        let id = table::insert(Entry::Setting(Box::new(found)))?;
         out.write(Setting { id });
         Ok(())
     })
 }
 
-/// Sets a live setting; the value ramps in 20 ms. HAPTOGRAPH_STATUS_BUSY: another thread is setting one of this player;
-/// try again. Any thread, also while another processes; real-time.
+/// Sets a live setting; the value ramps in 20 ms. HAPTOGRAPH_STATUS_BUSY: another thread uses a setting of this player, or
+/// changes its graph; try again. Any thread, also while another processes; real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_setting_set(setting: Setting, value: f64) -> Status {
     guard_realtime(|| {
