@@ -50,6 +50,14 @@ fn a_run_is_looked_at_and_its_graph_changed() {
     assert_success(&run("tests/live.c", &[&here("../../graphs/texturepad.ron")]));
 }
 
+/// The programs judge what came out.
+#[test]
+fn callbacks_in_the_style_of_others_render() {
+    for (source, graph) in [("examples/hd.c", "omni"), ("examples/unity.c", "texturepad")] {
+        assert_success(&run(source, &[&here(&format!("../../graphs/{graph}.ron"))]));
+    }
+}
+
 /// What `examples/audio.c` does, by the engine itself.
 fn texture() -> Vec<f32> {
     let document = Document::load(here("../../graphs/texturepad.ron"), &LoadOptions::default())
