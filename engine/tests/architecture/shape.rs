@@ -56,7 +56,6 @@ const PUBLIC: [(&str, usize); 11] = [
     // 2 for reflection coefficients in place.
     ("signal", 383),
     // 9 for several drivers on one clock of their caller, 1 for groups of settings, 1 for a live setting of two graphs.
-    // 9 for several drivers on one clock of their caller, 1 for groups of settings, 1 for a live setting of two graphs.
     ("engine", 745),
     // 1 for a model of a spectrum, 5 for what was recorded.
     ("surfaces", 393),
