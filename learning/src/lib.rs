@@ -1,5 +1,5 @@
 //! Surfaces from recordings: readers of recordings, processing, learning, and measures of how well a virtual surface matches
-//! a real one; data sets of rendered vibrations. The crate does not depend on graphs.
+//! a real one; data sets of rendered vibrations, and vibrations as files of phones and controllers. The crate does not depend on graphs.
 //!
 //! # Features
 //!
@@ -16,6 +16,7 @@ pub mod evaluate;
 pub mod learn;
 pub mod metrics;
 pub mod parts;
+pub mod pattern;
 pub mod processing;
 pub mod recording;
 pub mod select;

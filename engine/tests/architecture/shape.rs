@@ -25,8 +25,9 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("surfaces", 7_615, 6_000),
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
     // their files; 170 for clips; 85 for what columns of any logger probably hold, and what follows from a finding.
-    // 10 for the errors of a surface that was learned before; 3 for what was recorded.
-    ("learning", 15_500, 9_500),
+    // 10 for the errors of a surface that was learned before; 3 for what was recorded; 700 for files of phones and controllers: analysis,
+    // three formats, their decoding, and what they lose.
+    ("learning", 16_205, 9_500),
     // 155 for materials that stick and slip, strokes from rest, and static friction; 250 for models and vectors that an embedding program
     // gives; 118 for Haply's arms.
     ("nodes", 14_795, 13_000),
@@ -40,14 +41,14 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // 225 for studies that run in a page, 145 for controls of all inputs, 65 for the views of a graph, 110 for recordings beside
     // surfaces, to listen to, 53 for several drivers, each with its own time, and the number of a graph, 65 for what reading a recording
     // finds, and for graphs that are changed by hand, 440 for the gallery with its pictures, the documentation of a site, and a server that opens
-    // another graph, 75 for a graph and its files as one download.
-    ("studio", 6_780, 3_300),
-    // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery; 10 for Haply's arms.
-    ("src", 10_680, 6_300),
+    // another graph, 75 for a graph and its files as one download, 70 for kept sound as a file of phones and controllers.
+    ("studio", 6_850, 3_300),
+    // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery; 10 for Haply's arms; 175 for `export`.
+    ("src", 10_855, 6_300),
     // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python;
     // 110 for surfaces of models from elsewhere; 10 for models that steer; 274 for seven calls of C, with the structures of their lists:
-    // other graphs, settings, silence, and buffers of float.
-    ("bindings", 3_984, 3_100),
+    // other graphs, settings, silence, and buffers of float; 40 for files of phones and controllers.
+    ("bindings", 4_024, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
@@ -59,16 +60,16 @@ const PUBLIC: [(&str, usize); 11] = [
     ("engine", 745),
     // 1 for a model of a spectrum, 5 for what was recorded.
     ("surfaces", 393),
-    // 1 for the errors of a surface that was learned before.
-    ("learning", 385),
+    // 1 for the errors of a surface that was learned before, 11 for files of phones and controllers.
+    ("learning", 396),
     // 4 for models that an embedding program gives; 8 for Haply's arms.
     ("nodes", 424),
     ("live", 228),
     ("report", 158),
     ("study", 205),
     // 4 for the gallery, 1 for recordings beside surfaces.
-    // 5 that its two modules for pages share.
-    ("studio", 65),
+    // 5 that its two modules for pages share, 1 for sound as a file.
+    ("studio", 66),
     ("src", 20),
     // 6 for structures of lists in C.
     ("bindings", 51),
