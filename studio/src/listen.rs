@@ -12,7 +12,7 @@ use haptograph_learning::recording::load_with;
 use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
 use haptograph_surfaces::files::load;
-use haptograph_surfaces::rendering::{Trajectory, synthesise};
+use haptograph_surfaces::rendering::synthesise;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -57,9 +57,9 @@ fn voices(table: &Path, compared: &Compared, source: &Source) -> Result<Vec<Valu
     let unread = |error: &dyn std::fmt::Display| other(format_args!("{name} cannot be heard: {error}"));
     let (recording, _) = load_with(&[table.to_owned()], &settings).map_err(|error| unread(&error))?;
     let recording = processed(&recording, &ProcessingSettings::default()).map_err(|error| unread(&error))?;
-    let hand = recording.trajectory();
-    let samples = recording.samples().min((LONGEST_S * hand.rate_hz) as usize);
-    let mut voices = vec![voice(name, hand.rate_hz, &recording.signals().acceleration_m_s2[..samples])];
+    let samples = recording.samples().min((LONGEST_S * recording.rate_hz()) as usize);
+    let recorded = &recording.signals().acceleration_m_s2[..samples];
+    let mut voices = vec![voice(name, recording.rate_hz(), recorded)];
     let listed = describe::listed(source);
     for path in &compared.surfaces {
         let listed = listed.iter().find(|file| describe::from_graph(file, source.folder()) == *path);
@@ -69,21 +69,13 @@ fn voices(table: &Path, compared: &Compared, source: &Source) -> Result<Vec<Valu
             .texture
             .as_ref()
             .ok_or_else(|| other(format_args!("`{}` has no texture", surface.name)))?;
-        let hand = at_rate(&hand, samples, texture.rate_hz());
+        let mut hand = recording.trajectory_at(texture.rate_hz());
+        let samples = (samples as f64 / recording.rate_hz() * hand.rate_hz) as usize;
+        [&mut hand.speed_m_s, &mut hand.force_n].into_iter().for_each(|values| values.truncate(samples));
         let heard = synthesise(texture, &hand, &Default::default()).map_err(other)?;
         voices.push(voice(&surface.name, hand.rate_hz, &heard));
     }
     Ok(voices)
-}
-
-/// The first `samples` of a motion, held between its samples at another rate.
-fn at_rate(hand: &Trajectory, samples: usize, rate_hz: f64) -> Trajectory {
-    let ratio = hand.rate_hz / rate_hz;
-    let at = |values: &[f64]| {
-        let places = 0..(samples as f64 / ratio) as usize;
-        places.map(|place| values[((place as f64 * ratio) as usize).min(samples - 1)]).collect()
-    };
-    Trajectory { rate_hz, speed_m_s: at(&hand.speed_m_s), force_n: at(&hand.force_n) }
 }
 
 /// Samples in m/s², as 32-bit floats, little-endian, at a rate that browsers play.

@@ -222,6 +222,17 @@ impl ProcessedRecording {
         }
     }
 
+    /// The same at another rate, held between the samples.
+    pub fn trajectory_at(&self, rate_hz: f64) -> Trajectory {
+        let ratio = self.rate_hz() / rate_hz;
+        let at = |values: &[f64]| {
+            let places = 0..(values.len() as f64 / ratio) as usize;
+            places.map(|place| values[((place as f64 * ratio) as usize).min(values.len() - 1)]).collect()
+        };
+        let Signals { speed_m_s, force_normal_n, .. } = self.signals();
+        Trajectory { rate_hz, speed_m_s: at(speed_m_s), force_n: at(force_normal_n) }
+    }
+
     /// Samples per second.
     pub fn rate_hz(&self) -> f64 {
         self.signals.rate_hz
