@@ -15,6 +15,7 @@ mod devices;
 mod doctor;
 mod draw;
 mod evaluate;
+mod export;
 mod failure;
 mod identify;
 mod import;
@@ -223,6 +224,10 @@ fn commands() -> Vec<Command> {
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
         surface_command(),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
+        Command::new("export", export::run)
+            .example("export out/texturepad/texture.wav texture.ahap texture.haptic texture.hjif")
+            .example("export graphs/surfaces/t2-canvas.ron canvas.ahap --force-n 1 --speed-mm-s 100")
+            .example("export graphs/surfaces/t2-canvas.ron canvas.haptic --along take.npz --json"),
         Command::new("evaluate", evaluate::shards::run)
             .example("evaluate recordings --report out/evaluation --beside thesis")
             .example("evaluate recordings --shard 1/8 -o parts/1.ron")

@@ -47,7 +47,7 @@ def cases():
         yield "errors", wrong, [["check", wrong], ["check", wrong, "--json"]]
     commands = ["run", "check", "studio", "recover", "sweep", "batch", "batch merge", "batch wav", "bench", "identify", "draw", "nodes", "new",
                 "simulate-recording", "convert-recording", "devices", "doctor", "learn", "segment", "surface", "surface show", "surface convert",
-                "surface resample", "surface select", "surface interpolate", "surface leave-one-out", "surface image", "compare", "evaluate",
+                "surface resample", "surface select", "surface interpolate", "surface leave-one-out", "surface image", "compare", "export", "evaluate",
                 "evaluate merge", "lsp", "completions", "man"]
     yield "help", "help", [["--help"]] + [[*command.split(), "--help"] for command in commands]
     yield "help", "reference", [["nodes"], ["nodes", "--json"], ["nodes", "--markdown"], ["nodes", "LowPass"], ["nodes", "--find", "envelope"],

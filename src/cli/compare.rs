@@ -1,6 +1,6 @@
 //! `haptograph compare`: the differences between two vibrations (thesis 2.5.1).
 
-mod signal;
+pub(super) mod signal;
 
 use super::Failure;
 use super::import::{NamedColumn, Tables, named_column};
@@ -14,7 +14,6 @@ use crate::learning::metrics::level::{
 use crate::learning::metrics::{
     BandErrors, Bands, Deviations, Fluctuation, FluctuationErrors, WindowSettings, compare,
 };
-use crate::learning::recording::ImportSettings;
 use crate::report::pair::Pair;
 use serde::Serialize;
 use signal::{Motion, Signal};
@@ -120,7 +119,7 @@ struct BandError {
 }
 
 pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let (column, import) = import(arguments)?;
+    let (column, import) = signal::chosen(&arguments.columns, &arguments.tables)?;
     let page = Output::claim_page(arguments.report.as_deref(), arguments.force)?;
     let (a, b) = (Signal::read(&arguments.a, column, &import)?, Signal::read(&arguments.b, column, &import)?);
     signal::warn_of_units([&a, &b]);
@@ -150,24 +149,6 @@ pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         measures.page = Some(page.write(pair.page(&shown.collect::<Vec<_>>()))?);
     }
     show(&measures, arguments.json)
-}
-
-/// The named column, if any, and the import settings of tables.
-fn import(arguments: &Arguments) -> Result<(Option<&str>, ImportSettings), Failure> {
-    let (mut plain, mut quantities) = (None, vec![]);
-    for column in &arguments.columns {
-        match column {
-            NamedColumn::Plain(name) if plain.is_none() => plain = Some(name.as_str()),
-            NamedColumn::Plain(name) => {
-                return Err(Failure::Message(format!(
-                    "--column names two signals; give one, or name the quantity of {name}: --column QUANTITY={name}"
-                )));
-            }
-            NamedColumn::Quantity(quantity, name) => quantities.push((quantity.clone(), name.clone())),
-        }
-    }
-    let import = arguments.tables.settings(&quantities).map_err(Failure::Message)?;
-    Ok((plain, import))
 }
 
 fn windows(arguments: &Arguments, rate_hz: f64) -> WindowSettings {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // in helpers, clippy does not see that these are tests
 
 mod compare;
+mod export;
 mod learn;
 mod loggers;
 mod mistakes;

@@ -1,5 +1,6 @@
 //! Reads a vibration from a WAV file, a table or a recording.
 
+use crate::cli::import::{NamedColumn, Tables};
 use crate::cli::recording::{self as recordings, Loaded};
 use crate::cli::{Failure, eprint};
 use crate::learning::processing::{combined, processed};
@@ -17,7 +18,7 @@ const MAX_SAMPLES: u64 = 400_000_000;
 
 /// A vibration. Its rate is `None` if the file does not state it.
 #[derive(Debug)]
-pub(super) struct Signal {
+pub(in crate::cli) struct Signal {
     path: PathBuf,
     samples: Vec<f64>,
     rate_hz: Option<f64>,
@@ -37,13 +38,24 @@ pub(super) type Motion = Option<[Vec<f64>; 2]>;
 
 impl Signal {
     /// Reads the vibration in a file; `column` names a column of a table or a channel of a WAV file.
-    pub(super) fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
+    pub(in crate::cli) fn read(
+        path: &Path,
+        column: Option<&str>,
+        import: &ImportSettings,
+    ) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
         let ((samples, rate_hz, unit, simulated), motion) = match is_wav {
             true => (wav(path, column, import)?, None),
             false => other(path, column, import)?,
         };
         Ok(Self { path: path.to_owned(), samples, rate_hz, unit, is_wav, motion, simulated })
+    }
+
+    /// The samples, their rate and their unit.
+    pub(in crate::cli) fn with_rate(self) -> Result<(Vec<f64>, f64, String), Failure> {
+        let unit = self.unit.unwrap_or_else(|| "of full scale".to_owned());
+        let rate_hz = self.rate_hz.ok_or_else(|| Failure::Message(rateless(&self.path, "--sample-rate")))?;
+        Ok((self.samples, rate_hz, unit))
     }
 
     /// The samples at `rate_hz`.
@@ -122,12 +134,37 @@ pub(super) fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Re
         }
         (None, rates) => {
             let unknown = if rates[0].is_none() { signals[0] } else { signals[1] };
-            let path = unknown.path.display();
-            Err(Failure::Message(format!(
-                "{path} does not state its rate; name the column of the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
-            )))
+            Err(Failure::Message(rateless(&unknown.path, "--sample-rate (of both files by --rate)")))
         }
     }
+}
+
+fn rateless(path: &Path, flag: &str) -> String {
+    let path = path.display();
+    format!(
+        "{path} does not state its rate; name the column of the time (--column time=… --unit time=ms), or give the rate by {flag}"
+    )
+}
+
+/// The named column, if any, and the import settings of tables.
+pub(in crate::cli) fn chosen<'a>(
+    columns: &'a [NamedColumn],
+    tables: &Tables,
+) -> Result<(Option<&'a str>, ImportSettings), Failure> {
+    let (mut plain, mut quantities) = (None, vec![]);
+    for column in columns {
+        match column {
+            NamedColumn::Plain(name) if plain.is_none() => plain = Some(name.as_str()),
+            NamedColumn::Plain(name) => {
+                return Err(Failure::Message(format!(
+                    "--column names two signals; give one, or name the quantity of {name}: --column QUANTITY={name}"
+                )));
+            }
+            NamedColumn::Quantity(quantity, name) => quantities.push((quantity.clone(), name.clone())),
+        }
+    }
+    let import = tables.settings(&quantities).map_err(Failure::Message)?;
+    Ok((plain, import))
 }
 
 /// Reads a file that is not a WAV file: the acceleration of a recording, or the signal of a plain table.
