@@ -8,6 +8,7 @@ mod errors;
 mod evaluation;
 mod graphs;
 mod making;
+mod patterns;
 mod players;
 mod prototypes;
 mod recordings;
@@ -26,6 +27,8 @@ mod _native {
     use crate::graphs::Graph;
     #[pymodule_export]
     use crate::making::{make, warped_axis};
+    #[pymodule_export]
+    use crate::patterns::export;
     #[pymodule_export]
     use crate::players::Player;
     #[pymodule_export]

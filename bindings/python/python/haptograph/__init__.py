@@ -12,6 +12,7 @@ would print. Long calls let other threads run, and ctrl-C ends them.
 from ._batch import Rendered, batch, merge
 from ._errors import Diagnostic, Error, GraphError, LearningWarning, RangeWarning
 from ._evaluation import Evaluation, Identification, evaluate, identify
+from ._export import Export, export
 from ._graph import Graph
 from ._native import __version__
 from ._node import Node, Port, Setting
@@ -27,6 +28,7 @@ __all__ = [
     "Diagnostic",
     "Error",
     "Evaluation",
+    "Export",
     "Graph",
     "GraphError",
     "Identification",
@@ -48,6 +50,7 @@ __all__ = [
     "batch",
     "compare",
     "evaluate",
+    "export",
     "identify",
     "learn",
     "merge",
