@@ -37,7 +37,7 @@ export class EngineLink {
     send(message) {
         if (typeof message !== "string") return this.#port.postMessage({ bytes: message, text: false }, [message]);
         const read = JSON.parse(message);
-        if (read.type === "learn" || read.type === "listen") this.#learn(read);
+        if (["learn", "listen", "export"].includes(read.type)) this.#learn(read);
         else if (read.type === "cancel") this.#cancel(read);
         else if (CHECKED.has(read.type)) this.#check(message);
         else this.#forward(message);
@@ -45,7 +45,7 @@ export class EngineLink {
 
     // In a worker of its own, so that neither the page nor the sound waits.
     async #learn(read) {
-        const { request, name, csv, mapping = {}, reads = false } = read;
+        const { request, name = "", csv = "", mapping = {}, reads = false } = read;
         const reply = (more) => {
             const whole = { type: "reply", request, ok: false, error: null, diagnostics: [], change: null, ...more };
             this.onmessage({ data: JSON.stringify(whole) });
@@ -56,8 +56,9 @@ export class EngineLink {
         try {
             const whole = await bytesOf(this.#later.whole, loading.signal);
             const listens = read.type === "listen" && { ...this.#begun, surfaces: this.#added, message: encoder.encode(JSON.stringify({ ...read, csv: "" })) };
-            const learned = await learnBeside(whole, { name, csv, mapping, reads, listens }, (end) => (this.#learning.end = end));
-            if (listens) return this.onmessage({ data: JSON.stringify(learned) });
+            const exports = read.type === "export" && encoder.encode(JSON.stringify(read));
+            const learned = await learnBeside(whole, { name, csv, mapping, reads, listens, exports }, (end) => (this.#learning.end = end));
+            if (listens || exports) return this.onmessage({ data: JSON.stringify(learned) });
             if (reads) return reply({ ok: true, read: learned });
             const surface = { name: encoder.encode(learned.name), text: encoder.encode(learned.surface) };
             const path = (await this.#checker).addSurface(surface);
@@ -151,7 +152,7 @@ async function bytesOf(address, signal = null) {
 }
 
 // `begun` gets the function that ends it with a reason.
-function learnBeside(wasm, { name, csv, mapping, reads, listens }, begun) {
+function learnBeside(wasm, { name, csv, mapping, reads, listens, exports }, begun) {
     return new Promise((done, failed) => {
         const worker = new Worker(new URL("learn-worker.js", import.meta.url), { type: "module" });
         worker.onmessage = ({ data: { learned, error } }) => (learned ? done(learned) : failed(new Error(error)));
@@ -164,6 +165,6 @@ function learnBeside(wasm, { name, csv, mapping, reads, listens }, begun) {
         setTimeout(end, LEARNS_AT_MOST_MS, `took more than ${LEARNS_AT_MOST_MS / 60_000} minutes`);
         const bytes = encoder.encode(csv);
         const recording = { path: encoder.encode(name), bytes, mapping: encoder.encode(JSON.stringify(mapping)) };
-        worker.postMessage({ wasm, recording, reads, listens }, [bytes.buffer]);
+        worker.postMessage({ wasm, recording, reads, listens, exports }, [bytes.buffer]);
     });
 }

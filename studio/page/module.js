@@ -77,6 +77,13 @@ export class Module {
         return this.#message();
     }
 
+    // The answer to a message that asks for a file of sound.
+    export(message) {
+        this.#fill(message);
+        if (!this.#calls.haptograph_export()) throw new Error("the engine does not know this message");
+        return this.#message();
+    }
+
     // Puts a new surface beside the graph's others, { name, text }; returns its path as a parameter. For a module that
     // checks edits. Null if the surface cannot be named.
     addSurface({ name, text }) {

@@ -1,6 +1,6 @@
 // The actuator's command as sound: only after a press, and quiet at first.
 import { find, save, setText } from "./dom.js";
-import { keeperOf, lastOf, wavOf } from "./wav.js";
+import { keeperOf, lastOf, patternOf, wavOf } from "./wav.js";
 
 const FIRST_LEVEL_DB = -20;
 const SILENT_DB = -60;
@@ -126,9 +126,18 @@ export class Sound {
         const { name, sound, actuators } = this.#studio.graph;
         const rate_hz = this.#context.sampleRate;
         const { peak, unit } = actuators.find(({ name }) => sound.what.startsWith(`${name}.`));
+        const format = find("wav-format").value;
+        const last = `The last ${(samples.length / rate_hz).toFixed(1)} s`;
+        if (format !== "wav") {
+            const message = patternOf(format, samples, { rate_hz, full_scale: peak, unit });
+            const { pattern, error } = await this.#studio.connection.request(message);
+            if (!pattern) return this.#studio.say("bad", `${last} were not saved: ${error}`);
+            save(`${name}.${format}`, new Blob([pattern.text], { type: "application/json" }));
+            return this.#studio.say("good", `${last} were saved. Decoded again, ${lossOf(pattern.loss)}`);
+        }
         const what = `${sound.what} of ${name}; 1.0 is its limit, ${peak} ${unit}`;
         save(`${name}.wav`, wavOf(samples, rate_hz, what));
-        this.#studio.say("good", `The last ${(samples.length / rate_hz).toFixed(1)} s were saved: ${what}`);
+        this.#studio.say("good", `${last} were saved: ${what}`);
     }
 
     #end() {
@@ -165,13 +174,17 @@ export class Sound {
     #show() {
         find("sound").setAttribute("aria-pressed", String(this.on));
         setText(find("sound"), this.on ? "Sound: on" : "Sound: off");
-        if (find("wav")) find("wav").hidden = !this.on;
+        if (find("wav")) find("wav").hidden = find("wav-format").hidden = !this.on;
         find("sound").disabled = this.obstacle !== null && !this.error;
         const text = this.level_db <= SILENT_DB ? "silent" : `${this.level_db} dB`.replace("-", "−");
         setText(find("level-text"), text);
         find("level").setAttribute("aria-valuetext", text);
     }
 }
+
+// What is lost in a file, in words.
+const lossOf = ({ envelope_db, lsd_db, lost }) =>
+    `levels over 50 ms are ${envelope_db.toFixed(1)} dB off, third octaves ${lsd_db?.toFixed(1) ?? "?"} dB. No such file holds ${lost}`;
 
 // A context at the engine's rate, or at the card's if the browser rejects that.
 function contextAt(rate_hz) {

@@ -23,10 +23,24 @@ export function wavOf(samples, rate_hz, comment) {
     const said = new TextEncoder().encode(`${comment}\0`);
     const info = bytesOf(text("INFO"), chunk("ICMT", said));
     const format = bytesOf(u16(FLOAT), u16(1), u32(rate_hz), u32(4 * rate_hz), u16(4), u16(32), u16(0));
+    const data = floats(samples);
+    const parts = [chunk("fmt ", format), chunk("fact", u32(samples.length)), chunk("LIST", info), chunk("data", data)];
+    return new Blob([chunk("RIFF", bytesOf(text("WAVE"), ...parts))], { type: "audio/wav" });
+}
+
+// The message that asks for the same as a file of phones and controllers. Its type is first, as long messages have it.
+export function patternOf(format, samples, about) {
+    const bytes = floats(samples);
+    let letters = "";
+    for (let at = 0; at < bytes.length; at += 0x8000) letters += String.fromCharCode(...bytes.subarray(at, at + 0x8000));
+    return { type: "export", format, ...about, samples: btoa(letters) };
+}
+
+// 32-bit floats, little-endian.
+function floats(samples) {
     const data = new DataView(new ArrayBuffer(4 * samples.length));
     samples.forEach((sample, i) => data.setFloat32(4 * i, sample, true));
-    const parts = [chunk("fmt ", format), chunk("fact", u32(samples.length)), chunk("LIST", info), chunk("data", new Uint8Array(data.buffer))];
-    return new Blob([chunk("RIFF", bytesOf(text("WAVE"), ...parts))], { type: "audio/wav" });
+    return new Uint8Array(data.buffer);
 }
 
 const text = (letters) => new TextEncoder().encode(letters);

@@ -30,6 +30,7 @@ mod pads;
 pub mod page;
 mod page_clock;
 mod pages;
+mod pattern;
 mod pointer;
 mod publish;
 mod record;

@@ -180,9 +180,9 @@ impl Engine {
             Response::None | Response::Cancel { .. } => return,
             Response::Answer(answer) => answer,
             Response::Work { request, work } => self.work(request, work),
-            Response::Learn { request, .. } | Response::Listen { request, .. } => {
-                talk::reply(request, Err(elsewhere()))
-            }
+            Response::Learn { request, .. }
+            | Response::Listen { request, .. }
+            | Response::Export { request, .. } => talk::reply(request, Err(elsewhere())),
         };
         self.pages[page].say(wire::text(&answer));
     }
@@ -331,6 +331,14 @@ pub fn learn_recording(recording: &Path, mapping: &Mapping) -> Result<[String; 3
     let stem = learn::stem(&recording.to_string_lossy());
     let learned = learn::learn_table(&stem, recording, mapping)?;
     Ok([stem, learned.text(), learned.page()])
+}
+
+/// The answer to a page that exports its sound; `None` for another message.
+pub fn export(message: &str) -> Option<Message> {
+    match wire::parse_text(message).ok()?? {
+        ClientMessage::Export { request, kept } => Some(wire::text(&talk::exported(request, &kept))),
+        _ => None,
+    }
 }
 
 /// What reading a recording in a file finds, as in the reply to `learn` with `reads`.

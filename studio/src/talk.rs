@@ -6,6 +6,7 @@ use super::error::StageError;
 use super::learn::{Compared, Dropped};
 use super::load::{Loaded, Source};
 use super::pages::{Line, Reach};
+use super::pattern::Kept;
 use super::stage::Stage;
 use super::wire::text;
 use super::wire::{self, ClientMessage, Message, Pointers, WireError};
@@ -25,6 +26,8 @@ pub(crate) enum Response {
     Learn { request: u64, dropped: Dropped },
     /// Listen to a recording and surfaces, which takes a while; then `listen::reply`.
     Listen { request: u64, compared: Compared },
+    /// Make a file of kept sound, which takes a while; then [`exported`].
+    Export { request: u64, kept: Kept },
     /// Cancel the learning of this request.
     Cancel { request: u64 },
 }
@@ -130,6 +133,7 @@ fn act(stage: &mut Stage, page: u64, message: ClientMessage) -> Response {
         // Also of a page that is no longer the owner.
         ClientMessage::Cancel { request } => return Response::Cancel { request },
         ClientMessage::Listen { request, compared } => return Response::Listen { request, compared },
+        ClientMessage::Export { request, kept } => return Response::Export { request, kept },
         message if stage.pages.owner == Some(page) => return act_as_owner(stage, page, message),
         // A page that was the owner until now.
         ClientMessage::Hold => {}
@@ -236,10 +240,20 @@ pub(crate) fn checked(request: u64, wrong: Option<&Diagnostics>, took: Option<Du
 /// The answer to a request of files.
 pub(crate) fn files(request: u64, source: &Source, text: &str) -> Value {
     let loaded = source.load(text).map_err(StageError::Graph);
-    match loaded.and_then(|loaded| bundle::bundle(source, &loaded)) {
-        Ok(bundle) => {
+    reply_with(request, "bundle", loaded.and_then(|loaded| bundle::bundle(source, &loaded)))
+}
+
+/// The answer to a request of kept sound as a file.
+pub(crate) fn exported(request: u64, kept: &Kept) -> Value {
+    reply_with(request, "pattern", kept.pattern())
+}
+
+/// The reply to a request, with a value by its name.
+fn reply_with(request: u64, name: &str, value: Result<Value, StageError>) -> Value {
+    match value {
+        Ok(value) => {
             let mut answer = reply(request, Ok(String::new()));
-            answer["bundle"] = bundle;
+            answer[name] = value;
             answer
         }
         Err(error) => reply(request, Err(error)),

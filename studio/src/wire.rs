@@ -1,6 +1,7 @@
 //! Messages of the page: parsing, with bounds.
 
 use super::learn::{Compared, Dropped};
+use super::pattern::Kept;
 use super::pointer::{MAX_DEG, MAX_M, MAX_N, Pointer};
 use super::record::Recording;
 use haptograph_study::conduct::Said;
@@ -15,7 +16,8 @@ pub(crate) const SUBPROTOCOL: &str = "haptograph.studio.1";
 pub(crate) const MAX_BYTES: usize = 1 << 20;
 pub(crate) const MAX_LEARNED_BYTES: usize = 80 << 20;
 /// Beginnings of such messages.
-const LONG: [&str; 3] = [r#"{"type":"learn""#, r#"{"type":"listen""#, r#"{"type":"replay""#];
+const LONG: [&str; 4] =
+    [r#"{"type":"export""#, r#"{"type":"learn""#, r#"{"type":"listen""#, r#"{"type":"replay""#];
 /// Maximum number of ports displayed by a page.
 pub(crate) const MAX_SCOPES: usize = 16;
 
@@ -99,6 +101,12 @@ pub(crate) enum ClientMessage {
         #[serde(flatten)]
         compared: Compared,
     },
+    /// Make a file of kept sound.
+    Export {
+        request: u64,
+        #[serde(flatten)]
+        kept: Kept,
+    },
     /// Cancel the learning that this page requested under this number.
     Cancel {
         request: u64,
@@ -144,6 +152,7 @@ impl ClientMessage {
                 | Self::Keep
                 | Self::Learn { .. }
                 | Self::Listen { .. }
+                | Self::Export { .. }
                 | Self::Cancel { .. }
                 | Self::Record { .. }
                 | Self::Replay { .. }
@@ -164,7 +173,8 @@ impl ClientMessage {
             | Self::Files { request }
             | Self::Replay { request, .. }
             | Self::Learn { request, .. }
-            | Self::Listen { request, .. } => Some(*request),
+            | Self::Listen { request, .. }
+            | Self::Export { request, .. } => Some(*request),
             _ => None,
         }
     }

@@ -175,6 +175,10 @@ programTest("what is seen and heard is kept as SVG, PNG and WAV", async () => {
         assert.match(wav.bytes.toString("latin1"), /coil\.delivered of omni; 1\.0 is its limit, 0\.5 A/);
         const samples = new Float32Array(new Uint8Array(wav.bytes.subarray(wav.bytes.indexOf("data") + 8)).buffer);
         assert(samples.length > 40_000 && samples.some((x) => Math.abs(x) > 0.01), `${samples.length} samples`);
+        await page.selectOption("#wav-format", "haptic");
+        const pattern = await kept(() => page.click("#wav"));
+        assert.match(pattern.name, /\.haptic$/);
+        assert.equal(JSON.parse(pattern.bytes).version.major, 1);
     } finally {
         await end();
     }

@@ -28,7 +28,7 @@ import { placeOf, treeOf } from "../page/ron.js";
 import { closeUp, limitsOf, sidesIn } from "../page/scene.js";
 import * as edit from "../page/text-changes.js";
 import { Trace } from "../page/trace.js";
-import { wavOf } from "../page/wav.js";
+import { patternOf, wavOf } from "../page/wav.js";
 import { zip } from "../page/zip.js";
 
 test("every module of the page is a module", () => {
@@ -70,6 +70,15 @@ test("the kept sound is a WAV file of floats that says its full scale", async ()
     assert.deepEqual(Object.keys(chunks), ["fmt ", "fact", "LIST", "data"]);
     assert.deepEqual([view.getUint16(chunks["fmt "], true), view.getUint32(chunks["fmt "] + 4, true)], [3, 48_000]);
     assert.deepEqual([view.getFloat32(chunks.data, true), view.getFloat32(chunks.data + 4, true)], [0.5, -1]);
+});
+
+test("a long message about the kept sound begins with its type, and has every sample", () => {
+    const samples = Float32Array.from({ length: 20_000 }, (_, i) => i);
+    const message = patternOf("ahap", samples, { rate_hz: 48_000, full_scale: 2, unit: "A" });
+    assert.ok(JSON.stringify({ ...message, request: 1 }).startsWith('{"type":"export"'));
+    const bytes = Uint8Array.from(atob(message.samples), (letter) => letter.charCodeAt(0));
+    assert.deepEqual(new Float32Array(bytes.buffer), samples);
+    assert.deepEqual([message.format, message.rate_hz, message.full_scale, message.unit], ["ahap", 48_000, 2, "A"]);
 });
 
 test("the columns of a foreign recording are named and drawn", () => {

@@ -270,23 +270,38 @@ fn answer_to(connection: &Connection, queue: &Sender<(u64, Work)>, response: Res
         }
         Response::Learn { request, dropped } => learn(connection, request, dropped),
         Response::Listen { request, compared } => {
-            let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
-                return Some(talk::reply(request, Err(other(BUSY))));
-            };
-            let connection = connection.clone();
-            tokio::spawn(async move {
-                let stage = Arc::clone(&connection.stage);
-                let heard = blocking(move || heard(&stage, turn, request, &compared)).await;
-                let answer = heard.unwrap_or_else(|| talk::reply(request, failed()));
-                let _ = connection.answers.send(answer).await;
-            });
-            None
+            alone(connection, request, move |stage| heard(stage, request, &compared))
+        }
+        Response::Export { request, kept } => {
+            alone(connection, request, move |_| talk::exported(request, &kept))
         }
     }
 }
 
+/// Begins work that one page does at a time, and that ends with a reply; returns an immediate answer.
+fn alone(
+    connection: &Connection,
+    request: u64,
+    work: impl FnOnce(&Mutex<Stage>) -> Value + Send + 'static,
+) -> Option<Value> {
+    let Some(turn) = connection.exclusive.learning.begin(connection.page, request) else {
+        return Some(talk::reply(request, Err(other(BUSY))));
+    };
+    let connection = connection.clone();
+    tokio::spawn(async move {
+        let stage = Arc::clone(&connection.stage);
+        let done = blocking(move || {
+            let _turn = turn;
+            work(&stage)
+        });
+        let answer = done.await.unwrap_or_else(|| talk::reply(request, failed()));
+        let _ = connection.answers.send(answer).await;
+    });
+    None
+}
+
 /// The reply to a page that listens; the recording is in a file while it is read.
-fn heard(stage: &Mutex<Stage>, _turn: Turn, request: u64, compared: &Compared) -> Value {
+fn heard(stage: &Mutex<Stage>, request: u64, compared: &Compared) -> Value {
     let source = lock(stage).source.clone();
     let stored = |error: std::io::Error| other(format_args!("cannot store the recording: {error}"));
     let begin = || {

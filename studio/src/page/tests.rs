@@ -264,3 +264,38 @@ fn the_files_of_a_graph_have_paths_that_another_machine_has_too() {
     });
     assert_eq!((&reply["ok"], &reply["bundle"]), (&false.into(), &serde_json::Value::Null));
 }
+
+#[test]
+fn kept_sound_becomes_a_file_in_the_unit_of_its_actuator() {
+    use base64::Engine as _;
+    let tone = (0..4800).map(|n| (std::f64::consts::TAU * 0.02 * f64::from(n)).sin() as f32 * 0.5);
+    let bytes: Vec<u8> = tone.flat_map(f32::to_le_bytes).collect();
+    let samples = base64::engine::general_purpose::STANDARD.encode(bytes);
+    let asks = |format: &str, samples: &str| {
+        let message = serde_json::json!({
+            "type": "export", "request": 5, "format": format, "rate_hz": 8000.0, "full_scale": 4.0, "unit": "A", "samples": samples,
+        });
+        let Some(Message::Text(reply)) = super::export(&message.to_string()) else { panic!("no answer") };
+        serde_json::from_str::<serde_json::Value>(&reply).expect("it is JSON")
+    };
+    for format in ["ahap", "haptic", "hjif"] {
+        let reply = asks(format, &samples);
+        assert_eq!((&reply["request"], &reply["ok"]), (&5.into(), &true.into()), "{reply}");
+        let loss = &reply["pattern"]["loss"];
+        assert!(
+            (loss["full_scale"].as_f64().expect("a number") - 2.0).abs() < 0.05 && loss["unit"] == "A",
+            "{loss}"
+        );
+        let text = reply["pattern"]["text"].as_str().expect("a text");
+        assert!(serde_json::from_str::<serde_json::Value>(text).is_ok());
+    }
+    for (format, samples) in [("ahap", "AAAA"), ("ahap", "?"), ("ahap", "")] {
+        let reply = asks(format, samples);
+        assert_eq!((&reply["ok"], &reply["pattern"]), (&false.into(), &serde_json::Value::Null));
+    }
+    // The engine of a page leaves that to another module.
+    let mut engine = Engine::open(opened(), &haptograph_nodes::registry()).expect("it is sound");
+    let message = r#"{"type":"export","request":6,"format":"ahap","rate_hz":8000,"full_scale":1,"unit":"A","samples":""}"#;
+    engine.hear(0, &Message::Text(message.to_owned()));
+    assert_eq!(said(&mut engine, "reply")["ok"], false);
+}

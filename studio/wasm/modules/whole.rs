@@ -1,8 +1,8 @@
-//! The module that a page loads to learn a recording, to listen to one, or to conduct a study.
+//! The module that a page loads to learn a recording, to listen to one, to export sound, or to conduct a study.
 
 #![expect(unsafe_code, reason = "names that the page calls by")]
 
-use haptograph_studio::page::{Engine, Mapping, learn_recording, read_recording};
+use haptograph_studio::page::{Engine, Mapping, export, learn_recording, read_recording};
 use haptograph_wasm::{keep_panics, open, show, with};
 use serde_json::json;
 use std::path::Path;
@@ -44,6 +44,16 @@ pub extern "C" fn haptograph_listen() -> u32 {
         let said = String::from_utf8_lossy(&state.room).into_owned();
         let answer = state.checker.as_ref().and_then(|checker| checker.listen(&said));
         show(&mut state.message, answer)
+    })
+}
+
+/// Answers the page's message `export` in the input buffer. Returns 1, or 0 for another message.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_export() -> u32 {
+    keep_panics();
+    with(|state| {
+        let said = String::from_utf8_lossy(&state.room).into_owned();
+        show(&mut state.message, export(&said))
     })
 }
 
