@@ -52,6 +52,9 @@
 // The shape of a channel whose frames are six numbers: force x y z (N), then torque x y z (N m).
 #define HAPTOGRAPH_WRENCH 6
 
+// The shape of an input of a node `LiveModel`, whose frames are an innovation variance, then coefficients, then zeros.
+#define HAPTOGRAPH_MODEL 33
+
 // The result of a call. A call that does not return HAPTOGRAPH_STATUS_OK had no effect, unless its comment says otherwise.
 enum haptograph_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -198,7 +201,7 @@ typedef struct {
   char name[128];
   // The unit of its numbers, SI.
   char unit[32];
-  // HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH.
+  // HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH, HAPTOGRAPH_MODEL.
   uint32_t components;
 } haptograph_channel;
 
@@ -374,7 +377,8 @@ haptograph_status haptograph_graph_outputs(haptograph_graph graph,
                                            size_t *count);
 
 // Opens an input: the caller's end of a channel that nodes read, "stylus.position", or "hand" if that endpoint has one
-// channel. `components`: HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR or HAPTOGRAPH_WRENCH; it must be the shape of the channel.
+// channel. `components`: HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH, or of inputs HAPTOGRAPH_MODEL; it must be
+// the shape of the channel.
 // The caller frees the input with haptograph_input_free(); it outlives the graph. Any thread; not real-time.
 haptograph_status haptograph_graph_input(haptograph_graph graph,
                                          const char *name,

@@ -33,6 +33,8 @@ pub const HAPTOGRAPH_SCALAR: u32 = 1;
 pub const HAPTOGRAPH_VECTOR: u32 = 3;
 /// The shape of a channel whose frames are six numbers: force x y z (N), then torque x y z (N m).
 pub const HAPTOGRAPH_WRENCH: u32 = 6;
+/// The shape of an input of a node `LiveModel`, whose frames are an innovation variance, then coefficients, then zeros.
+pub const HAPTOGRAPH_MODEL: u32 = 33;
 
 /// The result of a call. A call that does not return HAPTOGRAPH_STATUS_OK had no effect, unless its comment says otherwise.
 #[repr(i32)]
@@ -202,7 +204,7 @@ pub struct Channel {
     pub name: [c_char; 128],
     /// The unit of its numbers, SI.
     pub unit: [c_char; 32],
-    /// HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH.
+    /// HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH, HAPTOGRAPH_MODEL.
     pub components: u32,
 }
 

@@ -1,19 +1,22 @@
 //! Handles of channels. The shape is checked when the handle is made; each call checks its number of values against it.
 
 use crate::border::{
-    HAPTOGRAPH_SCALAR as SCALAR, HAPTOGRAPH_VECTOR as VECTOR, HAPTOGRAPH_WRENCH as WRENCH, Status,
+    HAPTOGRAPH_MODEL as MODEL, HAPTOGRAPH_SCALAR as SCALAR, HAPTOGRAPH_VECTOR as VECTOR,
+    HAPTOGRAPH_WRENCH as WRENCH, Status,
 };
 use crate::failure::Failure;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::host::{AnyInput, AnyOutput, Full, Scalar, Vector, Wrench};
 use haptograph_engine::run::Session;
+use haptograph_nodes::texture::Model;
 use std::mem::MaybeUninit;
 
 const _: () = assert!(
     SCALAR as usize == Kind::SCALAR.width()
         && VECTOR as usize == Kind::VECTOR.width()
         && WRENCH as usize == Kind::WRENCH.width()
+        && MODEL as usize == Model::WIDTH
 );
 
 /// The tick at which a value written to an input takes effect.
@@ -46,7 +49,7 @@ impl Sample for f32 {
 }
 
 /// Most components of a frame.
-const WIDTH: usize = WRENCH as usize;
+const WIDTH: usize = MODEL as usize;
 
 /// Writes frames in order; returns the number written, and the error that stopped the rest. Real-time.
 pub(crate) fn write<T: Sample>(
@@ -77,7 +80,10 @@ pub(crate) fn write<T: Sample>(
 }
 
 /// Fills `values` with frames, then with zeros; returns the number of frames. Real-time.
-pub(crate) fn read<T: Sample>(output: &mut AnyOutput, values: &mut [MaybeUninit<T>]) -> Result<usize, Status> {
+pub(crate) fn read<T: Sample>(
+    output: &mut AnyOutput,
+    values: &mut [MaybeUninit<T>],
+) -> Result<usize, Status> {
     let width = output.kind().width();
     if !values.len().is_multiple_of(width) {
         return Err(Status::Shape);
@@ -95,7 +101,9 @@ pub(crate) fn read<T: Sample>(output: &mut AnyOutput, values: &mut [MaybeUninit<
 }
 
 fn no_shape<R>(components: u32) -> Result<R, Failure> {
-    let message = format_args!("`components` must be 1 (scalar), 3 (vector) or 6 (wrench), not {components}");
+    let message = format_args!(
+        "`components` must be 1 (scalar), 3 (vector), 6 (wrench) or 33 (model), not {components}"
+    );
     Err(Failure::new(Status::Shape, message))
 }
 
@@ -105,6 +113,7 @@ pub(crate) fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInp
         SCALAR => graph.input::<Scalar>(name)?.into_any(),
         VECTOR => graph.input::<Vector>(name)?.into_any(),
         WRENCH => graph.input::<Wrench>(name)?.into_any(),
+        MODEL => graph.input::<Model>(name)?.into_any(),
         other => return no_shape(other),
     })
 }

@@ -204,10 +204,43 @@ static void changes(void) {
     for (int place = 0; place < 4; place++) EXPECT(haptograph_graph_free(rest[place]), OK);
 }
 
+// Noise through a filter that this program gives.
+static void a_model_steers(void) {
+    const char *text = "Graph(format: 1, clocks: { \"synth\": Driver(rate_hz: 1000) }, nodes: {"
+                       "\"network\": LiveModel(clock: \"synth\", endpoint: \"network\"),"
+                       "\"steer\": SteeredModel(model: \"network\"),"
+                       "\"noise\": Excitation(coefficients: \"steer.coefficients\"),"
+                       "\"felt\": ArmaFilter(coefficients: \"steer.coefficients\", excitation: \"noise\") })";
+    const char *probe = "felt.acceleration";
+    double model[HAPTOGRAPH_MODEL] = {0.75, -0.5}, felt[1000], power = 0;
+    haptograph_graph graph;
+    haptograph_input input;
+    haptograph_output output;
+    haptograph_player player;
+    haptograph_play_options options = HAPTOGRAPH_PLAY_OPTIONS;
+    options.probes = &probe;
+    options.probe_count = 1;
+    EXPECT(haptograph_graph_parse(text, strlen(text), NULL, NULL, &graph), OK);
+    EXPECT(haptograph_graph_input(graph, "network", HAPTOGRAPH_MODEL, &input), OK);
+    EXPECT(haptograph_player_open(graph, &options, &player), OK);
+    EXPECT(haptograph_player_probe(player, probe, HAPTOGRAPH_SCALAR, &output), OK);
+    EXPECT(haptograph_input_set(input, model, 2), SHAPE);
+    EXPECT(haptograph_input_set(input, model, HAPTOGRAPH_MODEL), OK);
+    EXPECT(haptograph_player_process(player, 1000), OK);
+    EXPECT(haptograph_output_read(output, felt, 1000, NULL), OK);
+    for (int frame = 0; frame < 1000; frame++) power += felt[frame] * felt[frame] / 1000;
+    HOLDS(power > 0.7 && power < 1.3);
+    EXPECT(haptograph_output_free(output), OK);
+    EXPECT(haptograph_input_free(input), OK);
+    EXPECT(haptograph_player_finish(player, NULL), OK);
+    EXPECT(haptograph_graph_free(graph), OK);
+}
+
 int main(int count, char **arguments) {
     path = count > 1 ? arguments[1] : "graphs/texturepad.ron";
     settings_and_inputs();
     silence();
     changes();
+    a_model_steers();
     return report();
 }

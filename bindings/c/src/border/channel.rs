@@ -10,7 +10,8 @@ use std::ffi::c_char;
 use std::sync::Mutex;
 
 /// Opens an input: the caller's end of a channel that nodes read, "stylus.position", or "hand" if that endpoint has one
-/// channel. `components`: HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR or HAPTOGRAPH_WRENCH; it must be the shape of the channel.
+/// channel. `components`: HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR, HAPTOGRAPH_WRENCH, or of inputs HAPTOGRAPH_MODEL; it must be
+/// the shape of the channel.
 /// The caller frees the input with haptograph_input_free(); it outlives the graph. Any thread; not real-time.
 ///
 /// # Safety
@@ -137,11 +138,7 @@ pub unsafe extern "C" fn haptograph_input_push_float(
 
 /// # Safety
 /// `values.0` is null or of `values.1` numbers; `pushed` is null or of room for a number.
-unsafe fn push<T: Sample>(
-    input: Input,
-    values: (*const T, usize),
-    pushed: *mut usize,
-) -> Result<(), Status> {
+unsafe fn push<T: Sample>(input: Input, values: (*const T, usize), pushed: *mut usize) -> Result<(), Status> {
     // SAFETY: the condition of this function; so it is below.
     let out = unsafe { OutPointer::optional(pushed)? };
     out.write(0);

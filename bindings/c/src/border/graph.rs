@@ -180,7 +180,9 @@ unsafe fn list(
         components: channel.kind.width() as u32,
     };
     let found = || {
-        table::graph(graph.id, |graph| Ok(graphs::channels(graph, direction).into_iter().map(shown).collect()))
+        table::graph(graph.id, |graph| {
+            Ok(graphs::channels(graph, direction).into_iter().map(shown).collect())
+        })
     };
     // SAFETY: the condition of this function.
     unsafe { memory::list(found, channels, count) }

@@ -135,9 +135,8 @@ pub unsafe extern "C" fn haptograph_player_change(
         let out = unsafe { OutPointer::optional(change)? };
         // SAFETY: as above.
         let probes = unsafe { memory::texts("probes", probes, probe_count)? };
-        let changed = table::player(player.id, |player| {
-            table::graph(graph.id, |graph| player.change(graph, &probes))
-        })?;
+        let changed =
+            table::player(player.id, |player| table::graph(graph.id, |graph| player.change(graph, &probes)))?;
         out.write(changed);
         Ok(())
     })
