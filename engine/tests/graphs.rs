@@ -153,7 +153,8 @@ fn sets_and_parameters_that_are_not_there_are_refused() {
 
 #[test]
 fn a_chosen_set_of_endpoints_has_to_be_there_whoever_has_the_endpoints() {
-    let none = "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: { \"tone\": Sine(clock: \"c\") })";
+    let none =
+        "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: { \"tone\": Sine(clock: \"c\") })";
     for (text, set, is_there) in [
         (BY_ENDPOINTS, "simulated", true),
         (BY_ENDPOINTS, "live", true),
@@ -165,7 +166,8 @@ fn a_chosen_set_of_endpoints_has_to_be_there_whoever_has_the_endpoints() {
         let document = Document::parse("g.ron", text).expect("a document");
         for options in [CheckOptions::default(), CheckOptions::hosted()] {
             let checked = check(&document, &common::registry(), &options.endpoints(set));
-            let codes: Vec<&str> = checked.err().iter().flat_map(|found| &found.list).map(|one| one.code).collect();
+            let codes: Vec<&str> =
+                checked.err().iter().flat_map(|found| &found.list).map(|one| one.code).collect();
             assert_eq!(codes.is_empty(), is_there, "{set}: {codes:?}");
             assert!(codes.iter().all(|code| *code == "E0210"), "{set}: {codes:?}");
         }

@@ -303,11 +303,13 @@ fn an_edit_keeps_the_callers_handles_and_gives_probes_of_what_is_new() {
 /// A force at 1 kHz on endpoint `hand`, held at 48 kHz, and these arms, each on an endpoint of its name.
 fn with_arms(arms: &[&str]) -> Graph {
     let has_hand = !arms.contains(&"hand");
-    let mut graph = Builder::new("A force, and arms.").driver("audio", 48_000.0).derived("servo", "audio", 1000.0);
+    let mut graph =
+        Builder::new("A force, and arms.").driver("audio", 48_000.0).derived("servo", "audio", 1000.0);
     if has_hand {
-        graph = graph
-            .node("stylus", Part::new("Tablet").on("servo").set("endpoint", "hand"))
-            .node("level", Part::new("Gain").on("audio").wire("input", hold("stylus.force")).set("gain", 1.0));
+        graph = graph.node("stylus", Part::new("Tablet").on("servo").set("endpoint", "hand")).node(
+            "level",
+            Part::new("Gain").on("audio").wire("input", hold("stylus.force")).set("gain", 1.0),
+        );
     }
     for arm in arms {
         graph = graph.node(&format!("of {arm}"), Part::new("Arm").on("servo").set("endpoint", *arm));
@@ -335,7 +337,10 @@ fn an_endpoint_that_both_graphs_have_is_one_and_any_other_is_the_new_graphs() {
     let twice = more.input::<Scalar>("hand.force").expect("it is free");
     let probes = ["level.output", "of arm.position"].map(str::to_owned);
     let refused = session.change_and_probe(&more, None, &probes).err();
-    assert!(matches!(&refused, Some(ChangeError::Taken { channel }) if channel == "hand.force"), "{refused:?}");
+    assert!(
+        matches!(&refused, Some(ChangeError::Taken { channel }) if channel == "hand.force"),
+        "{refused:?}"
+    );
     drop(twice);
     force.set(2.0).expect("room");
     assert_eq!(last(&mut player), Some(2.0));

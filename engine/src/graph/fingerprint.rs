@@ -132,7 +132,9 @@ pub(super) fn of_device(files: Files<'_>, graph: &Attached, device: usize) -> u6
         state.text(device.entry.spec.name);
         state.number(fields(files, &device.fields, &[]));
         state.maybe_rate(attachment.clock.map(|clock| graph.clocks.list[clock].rate));
-        for channels in [&attachment.senses, &attachment.drives].into_iter().filter(|_| device.entry.is_host()) {
+        for channels in
+            [&attachment.senses, &attachment.drives].into_iter().filter(|_| device.entry.is_host())
+        {
             state.number(channels.len() as u64);
             for channel in channels {
                 state.text(channel.name);
