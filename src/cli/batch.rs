@@ -18,8 +18,8 @@ use std::sync::atomic::Ordering;
 
 /// Render a data set: many surfaces along many motions with many seeds
 ///
-/// PLAN describes the data set (docs/batch.md). The output folder gets the data in chunks that NumPy reads,
-/// and a manifest. A repeated run renders only chunks that are missing or broken. `--shard 2/5` renders the
+/// PLAN describes the data set (docs/batch.md). The output folder gets the data in chunks, for NumPy or as
+/// Parquet, and a manifest. A repeated run renders only chunks that are missing or broken. `--shard 2/5` renders the
 /// second of five parts on any machine; `haptograph batch merge` joins all parts into one folder.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]

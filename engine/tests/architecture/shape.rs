@@ -26,8 +26,8 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
     // their files; 170 for clips; 85 for what columns of any logger probably hold, and what follows from a finding.
     // 10 for the errors of a surface that was learned before; 3 for what was recorded; 700 for files of phones and controllers: analysis,
-    // three formats, their decoding, and what they lose.
-    ("learning", 16_205, 9_500),
+    // three formats, their decoding, and what they lose; 340 for data sets in Parquet.
+    ("learning", 16_545, 9_500),
     // 155 for materials that stick and slip, strokes from rest, and static friction; 250 for models and vectors that an embedding program
     // gives; 118 for Haply's arms.
     ("nodes", 14_795, 13_000),
@@ -54,8 +54,8 @@ const BUDGETS: [(&str, usize, usize); 11] = [
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 11] = [
-    // 2 for reflection coefficients in place.
-    ("signal", 383),
+    // 2 for reflection coefficients in place, 1 for the limit of a footer.
+    ("signal", 384),
     // 9 for several drivers on one clock of their caller, 1 for groups of settings, 1 for a live setting of two graphs.
     ("engine", 745),
     // 1 for a model of a spectrum, 5 for what was recorded.

@@ -1,43 +1,38 @@
-//! A chunk: the results of its jobs in one archive with a description.
+//! A chunk: the results of its jobs in one file with a description.
 
-use super::document::Samples;
-use super::hex;
+mod npz;
+mod parquet;
+mod thrift;
+
+use super::document::{Format, Samples};
 use super::plan::{Batch, Job};
 use haptograph_signal::files::{self, write_atomically_by};
-use haptograph_surfaces::npy::Header;
-use haptograph_surfaces::npz::{begin, begin_array};
 use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::io;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use zip::read::ZipArchive;
-use zip::write::ZipWriter;
 
-/// The member with the description of a chunk.
-const ABOUT: &str = "about.json";
-/// Largest description that is read, bytes.
-const MAX_ABOUT_BYTES: u64 = 1 << 16;
 /// Number of voices rendered together.
 const TOGETHER: usize = 16;
-/// Bytes hashed and written at a time.
+/// Bytes hashed at a time.
 const BLOCK: usize = 1 << 16;
 
 /// The name of a chunk's file.
-pub(super) fn file_name(chunk: u64) -> String {
-    format!("chunk-{chunk:06}.npz")
+pub(super) fn file_name(chunk: u64, format: Format) -> String {
+    format!("chunk-{chunk:06}.{}", format.extension())
 }
 
 /// The description of a chunk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct About {
+pub(super) struct About {
     haptograph: String,
     /// See [`Batch::identity`].
     batch: String,
     chunk: u64,
-    /// The hash of the arrays: their names, types, shapes and numbers.
-    sha256: String,
+    /// The hash of the content, as its format defines it.
+    pub sha256: String,
 }
 
 /// The numbers of an array.
@@ -78,29 +73,15 @@ impl Numbers {
         }
     }
 
-    /// All bytes, little-endian, block by block.
-    fn blocks(&self, mut each: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
+    /// Appends some of the numbers, little-endian.
+    fn append(&self, place: Range<usize>, to: &mut Vec<u8>) {
         match self {
-            Self::I64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
-            Self::U64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
-            Self::F32(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
-            Self::F64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
+            Self::I64(numbers) => to.extend(numbers[place].iter().flat_map(|x| x.to_le_bytes())),
+            Self::U64(numbers) => to.extend(numbers[place].iter().flat_map(|x| x.to_le_bytes())),
+            Self::F32(numbers) => to.extend(numbers[place].iter().flat_map(|x| x.to_le_bytes())),
+            Self::F64(numbers) => to.extend(numbers[place].iter().flat_map(|x| x.to_le_bytes())),
         }
     }
-}
-
-fn blocks<T: Copy, const N: usize>(
-    numbers: &[T],
-    bytes: impl Fn(T) -> [u8; N],
-    each: &mut impl FnMut(&[u8]) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut block = Vec::with_capacity(BLOCK);
-    for part in numbers.chunks(BLOCK / N) {
-        block.clear();
-        block.extend(part.iter().flat_map(|x| bytes(*x)));
-        each(&block)?;
-    }
-    Ok(())
 }
 
 /// The arrays of a chunk.
@@ -144,31 +125,17 @@ impl Chunk {
         Ok(Some(Self { number, arrays }))
     }
 
-    /// Writes the chunk atomically and returns the hash of its content.
-    pub(super) fn write(&self, batch: &Batch, path: &Path) -> io::Result<String> {
-        write_atomically_by(path, |file| {
-            let mut archive = ZipWriter::new(BufWriter::with_capacity(BLOCK, file));
-            let mut hash = Sha256::new();
-            for (name, shape, numbers) in &self.arrays {
-                let bytes = shape.iter().product::<u64>() * if numbers.descr() == "<f4" { 4 } else { 8 };
-                begin_array(&mut archive, name, (numbers.descr(), shape), bytes)?;
-                hash_head(&mut hash, name, numbers.descr(), shape);
-                numbers.blocks(|block| {
-                    hash.update(block);
-                    archive.write_all(block)
-                })?;
-            }
-            let about = About {
-                haptograph: env!("CARGO_PKG_VERSION").to_owned(),
-                batch: batch.identity().to_owned(),
-                chunk: self.number,
-                sha256: hex(&hash.finalize()),
-            };
-            let text = serde_json::to_string_pretty(&about)? + "\n";
-            begin(&mut archive, ABOUT, text.len() as u64)?;
-            archive.write_all(text.as_bytes())?;
-            archive.finish().map_err(io::Error::other)?.flush()?;
-            Ok(about.sha256)
+    /// Writes the chunk atomically and returns its description.
+    pub(super) fn write(&self, batch: &Batch, path: &Path) -> io::Result<About> {
+        let about = About {
+            haptograph: env!("CARGO_PKG_VERSION").to_owned(),
+            batch: batch.identity().to_owned(),
+            chunk: self.number,
+            sha256: String::new(),
+        };
+        write_atomically_by(path, |file| match batch.format() {
+            Format::Npz => npz::write(self, about, file),
+            Format::Parquet => parquet::write(self, about, batch, file),
         })
     }
 }
@@ -231,52 +198,24 @@ fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (u
 /// The motion and the vibration of a job.
 type Played = (Trajectory, Vec<f64>);
 
-/// The header of an array, which is hashed before its numbers.
-fn hash_head(hash: &mut Sha256, name: &str, descr: &str, shape: &[u64]) {
-    hash.update(format!("{name} {descr} {shape:?}\n"));
-}
-
-/// Verifies a batch's chunk in a file and returns the hash of its content, or the reason why it is not that chunk.
-pub(super) fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String> {
-    let failed = |error: &dyn std::fmt::Display| error.to_string();
-    let file = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
-    let mut archive = ZipArchive::new(BufReader::new(file.as_file())).map_err(|error| failed(&error))?;
-    let mut hash = Sha256::new();
-    let mut about = None;
-    for member in 0..archive.len() {
-        let member = archive.by_index(member).map_err(|error| failed(&error))?;
-        let name = member.name().map_err(|error| failed(&error))?.into_owned();
-        match name.strip_suffix(".npy") {
-            Some(name) => hash_array(&mut hash, name, member)?,
-            None => about = Some(read_about(member)?),
-        }
-    }
-    let about: About = about.ok_or_else(|| format!("it has no {ABOUT}"))?;
+/// Verifies a batch's chunk in a file and returns its description, or the reason why it is not that chunk.
+pub(super) fn verify(path: &Path, format: Format, identity: &str, chunk: u64) -> Result<About, String> {
+    let file = files::open(path, u64::MAX).map_err(|error| error.to_string())?;
+    let read = match format {
+        Format::Npz => npz::read(file.as_file()),
+        Format::Parquet => parquet::read(file.as_file()).map(|(about, hash, _)| (about, hash)),
+    };
+    let (about, found) = read.map_err(|error| error.to_string())?;
     if about.batch != identity || about.chunk != chunk {
         return Err(format!("it is chunk {} of another batch", about.chunk));
     }
-    let found = hex(&hash.finalize());
     match found == about.sha256 {
-        true => Ok(found),
+        true => Ok(about),
         false => Err("its content does not match its hash".to_owned()),
     }
 }
 
-fn hash_array(hash: &mut Sha256, name: &str, mut member: impl Read) -> Result<(), String> {
-    let header = Header::read(&mut member).map_err(|error| error.to_string())?;
-    hash_head(hash, name, &header.descr, &header.shape);
-    let mut block = vec![0; BLOCK];
-    loop {
-        match member.read(&mut block).map_err(|error| error.to_string())? {
-            0 => return Ok(()),
-            read => hash.update(&block[..read]),
-        }
-    }
-}
-
-fn read_about(member: impl Read) -> Result<About, String> {
-    let mut text = String::new();
-    let read = member.take(MAX_ABOUT_BYTES).read_to_string(&mut text);
-    read.map_err(|error| error.to_string())?;
-    serde_json::from_str(&text).map_err(|error| format!("{ABOUT}: {error}"))
+/// An error of a file's content.
+fn invalid(why: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, why)
 }

@@ -4,7 +4,7 @@ use haptograph_surfaces::files::{Malformed, Place};
 use haptograph_surfaces::rendering::Trajectory;
 use ron::extensions::Extensions;
 use ron::value::RawValue;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A plan, field by field.
@@ -18,6 +18,8 @@ pub(super) struct Document {
     pub write: Vec<Signal>,
     #[serde(default)]
     pub samples: Samples,
+    #[serde(default)]
+    pub format: Format,
     #[serde(default = "usual_update_hz")]
     pub update_hz: f64,
     #[serde(default = "usual_gain")]
@@ -73,6 +75,26 @@ pub(super) enum Samples {
     Float32,
     /// Double precision, as computed.
     Float64,
+}
+
+/// The file format of chunks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(super) enum Format {
+    /// Arrays for NumPy.
+    #[default]
+    Npz,
+    /// A table with a row for each job.
+    Parquet,
+}
+
+impl Format {
+    /// The extension of a file.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            Self::Npz => "npz",
+            Self::Parquet => "parquet",
+        }
+    }
 }
 
 impl Signal {

@@ -1,7 +1,7 @@
 //! The manifest of a folder of chunks, as JSON.
 
-use super::chunk::file_name;
-use super::document::Document;
+use super::chunk::{About, file_name};
+use super::document::{Document, Format};
 use super::plan::{Batch, Input, MAX_CHUNKS, count, identify};
 use crate::parts::Part;
 use haptograph_signal::files::{self, write_atomically};
@@ -22,7 +22,7 @@ pub struct ChunkEntry {
     pub file: String,
     /// The first job, and the one after its last.
     pub jobs: [u64; 2],
-    /// The hash of its arrays.
+    /// The hash of its content.
     pub sha256: String,
 }
 
@@ -41,6 +41,7 @@ pub(super) struct Manifest {
     pub motions: Vec<String>,
     pub signals: Vec<String>,
     pub samples: String,
+    pub format: Format,
     pub jobs: u64,
     pub jobs_per_chunk: u64,
     pub update_hz: f64,
@@ -50,15 +51,15 @@ pub(super) struct Manifest {
 }
 
 impl Manifest {
-    /// The manifest of a batch with these chunks, by number and hash.
-    pub(super) fn of(batch: &Batch, found: &BTreeMap<u64, String>) -> Self {
-        let entry = |(chunk, sha256): (&u64, &String)| {
+    /// The manifest of a batch with these chunks, by number.
+    pub(super) fn of(batch: &Batch, found: &BTreeMap<u64, About>) -> Self {
+        let entry = |(chunk, about): (&u64, &About)| {
             let jobs = batch.jobs_of(*chunk);
             ChunkEntry {
                 chunk: *chunk,
-                file: file_name(*chunk),
+                file: file_name(*chunk, batch.format()),
                 jobs: [jobs.start, jobs.end],
-                sha256: sha256.clone(),
+                sha256: about.sha256.clone(),
             }
         };
         Self {
@@ -71,6 +72,7 @@ impl Manifest {
             motions: batch.motions().map(str::to_owned).collect(),
             signals: batch.signals().iter().map(|signal| signal.name().to_owned()).collect(),
             samples: batch.samples().as_str().to_owned(),
+            format: batch.format(),
             jobs: batch.jobs(),
             jobs_per_chunk: batch.jobs_per_chunk(),
             update_hz: batch.update_hz(),
@@ -95,16 +97,17 @@ impl Manifest {
         let jobs = count(&plan, self.surfaces.len(), self.motions.len());
         if jobs.is_some_and(|jobs| jobs != u128::from(self.jobs))
             || plan.jobs_per_chunk != self.jobs_per_chunk
+            || plan.format != self.format
             || !(1..=MAX_CHUNKS).contains(&self.whole())
         {
-            let (jobs, each) = (self.jobs, self.jobs_per_chunk);
-            return Err(format!("its plan does not give {jobs} jobs in chunks of {each}"));
+            let (jobs, each, format) = (self.jobs, self.jobs_per_chunk, self.format);
+            return Err(format!("its plan does not give {jobs} jobs in chunks of {each} as {format:?}"));
         }
         for entry in &self.chunks {
             let start = entry.chunk.saturating_mul(self.jobs_per_chunk);
             let end = self.jobs.min(start.saturating_add(self.jobs_per_chunk));
             if entry.chunk >= self.whole()
-                || entry.file != file_name(entry.chunk)
+                || entry.file != file_name(entry.chunk, self.format)
                 || entry.jobs != [start, end]
             {
                 return Err(format!("its entry for chunk {} does not match its plan", entry.chunk));

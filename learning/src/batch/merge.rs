@@ -1,6 +1,6 @@
 //! Merges the parts of a batch.
 
-use super::chunk::{file_name, verify};
+use super::chunk::verify;
 use super::folder::{Claim, FolderError};
 use super::manifest::{ChunkEntry, Manifest};
 use crate::parts::{PartsError, whole};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[allow(missing_docs)] // see the messages
 pub enum MergeError {
     #[error(
-        "{} is not the folder of a completely rendered part: cannot read its manifest ({source}); render the part again, \
+        "{} is not the folder of a data set or of a rendered part: cannot read its manifest ({source}); render it again, \
          which goes on where it stopped",
         path.display()
     )]
@@ -56,16 +56,16 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
     let parts: Vec<_> =
         { folders.iter().zip(&manifests) }.map(|(folder, manifest)| manifest.part(folder)).collect();
     let chunks = whole(&parts, first.whole(), |entry: &ChunkEntry| format!("chunk {}", entry.chunk))?;
-    let _claim = Claim::of(into, &first.batch)?;
-    for (number, (from, entry)) in chunks.iter().enumerate() {
-        take(from, into, entry, &first.batch)?;
-        progress((number + 1) as f64 / chunks.len() as f64);
-    }
     let merged = Manifest {
         complete: true,
         chunks: chunks.iter().map(|(_, entry)| (*entry).clone()).collect(),
         ..first.clone()
     };
+    let _claim = Claim::of(into, &merged.batch)?;
+    for (number, (from, entry)) in chunks.iter().enumerate() {
+        take(from, into, entry, &merged)?;
+        progress((number + 1) as f64 / chunks.len() as f64);
+    }
     let path = into.join(super::MANIFEST);
     merged.write(into).map_err(|source| MergeError::Io { path, source })?;
     Ok(Merged { chunks: merged.whole(), folder: into.to_owned(), jobs: merged.jobs })
@@ -84,13 +84,13 @@ fn read(folder: &Path) -> Result<Manifest, MergeError> {
 }
 
 /// Copies or links a chunk into the folder, unless it is already there, and verifies it.
-fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<(), MergeError> {
-    let name = file_name(entry.chunk);
-    let (source, target) = (from.join(&name), into.join(&name));
-    let is_whole = |path: &Path| match verify(path, identity, entry.chunk)? == entry.sha256 {
-        true => Ok(()),
-        false => Err("its content does not match its manifest".to_owned()),
-    };
+fn take(from: &Path, into: &Path, entry: &ChunkEntry, whole: &Manifest) -> Result<(), MergeError> {
+    let (source, target) = (from.join(&entry.file), into.join(&entry.file));
+    let is_whole =
+        |path: &Path| match verify(path, whole.format, &whole.batch, entry.chunk)?.sha256 == entry.sha256 {
+            true => Ok(()),
+            false => Err("its content does not match its manifest".to_owned()),
+        };
     if target.symlink_metadata().is_ok() && is_whole(&target).is_ok() {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! A plan with all files that it names.
 
-use super::document::{Document, Jobs, Part, Samples, Signal, place_of};
+use super::document::{Document, Format, Jobs, Part, Samples, Signal, place_of};
 use super::motion::Source;
 use super::problem::{PlanError, PlanProblem, find};
 use super::{hash, hex, pattern, table};
@@ -315,6 +315,10 @@ impl Batch {
 
     pub(super) fn samples(&self) -> Samples {
         self.document.samples
+    }
+
+    pub(super) fn format(&self) -> Format {
+        self.document.format
     }
 
     pub(super) fn jobs_per_chunk(&self) -> u64 {

@@ -1,6 +1,6 @@
 //! Renders a batch, or a shard of it, into a folder.
 
-use super::chunk::{Chunk, file_name, verify};
+use super::chunk::{About, Chunk, file_name, verify};
 use super::folder::{Claim, FolderError};
 use super::manifest::Manifest;
 use super::plan::Batch;
@@ -98,23 +98,23 @@ pub fn render(
     Ok(rendered)
 }
 
-/// The hash of a chunk in the folder, or the damage of it.
-fn find(batch: &Batch, folder: &Path, chunk: u64) -> Result<Option<String>, String> {
-    let path = folder.join(file_name(chunk));
+/// A chunk in the folder, or the damage of it.
+fn find(batch: &Batch, folder: &Path, chunk: u64) -> Result<Option<About>, String> {
+    let path = folder.join(file_name(chunk, batch.format()));
     match path.symlink_metadata() {
-        Ok(_) => verify(&path, batch.identity(), chunk).map(Some),
+        Ok(_) => verify(&path, batch.format(), batch.identity(), chunk).map(Some),
         Err(_) => Ok(None),
     }
 }
 
-/// Renders a chunk into the folder and returns its hash; `None` if it was stopped.
+/// Renders a chunk into the folder; `None` if it was stopped.
 fn compute(
     batch: &Batch,
     folder: &Path,
     chunk: u64,
     stop: &AtomicBool,
-) -> Result<Option<String>, RenderError> {
-    let path = folder.join(file_name(chunk));
+) -> Result<Option<About>, RenderError> {
+    let path = folder.join(file_name(chunk, batch.format()));
     let rendered = Chunk::render(batch, chunk, stop);
     let rendered = rendered.map_err(|(job, source)| RenderError::Job { job, source })?;
     let written = rendered.map(|rendered| rendered.write(batch, &path)).transpose();
@@ -126,8 +126,8 @@ fn summary(
     batch: &Batch,
     folder: &Path,
     shard: Option<Shard>,
-    outcomes: Vec<Outcome<String>>,
-) -> (Rendered, BTreeMap<u64, String>) {
+    outcomes: Vec<Outcome<About>>,
+) -> (Rendered, BTreeMap<u64, About>) {
     let is_own = |chunk: u64| shard.is_none_or(|shard| shard.has(chunk));
     let mut done = Rendered {
         chunks: (0..batch.chunks()).filter(|chunk| is_own(*chunk)).count() as u64,
@@ -137,14 +137,14 @@ fn summary(
     let mut found = BTreeMap::new();
     for (chunk, outcome) in (0..).zip(outcomes) {
         match outcome {
-            Outcome::Kept(hash) => {
+            Outcome::Kept(about) => {
                 done.kept += u64::from(is_own(chunk));
-                found.insert(chunk, hash);
+                found.insert(chunk, about);
             }
-            Outcome::Computed(hash, broken) => {
+            Outcome::Computed(about, broken) => {
                 done.rendered += 1;
-                done.replaced.extend(broken.map(|why| (folder.join(file_name(chunk)), why)));
-                found.insert(chunk, hash);
+                done.replaced.extend(broken.map(|why| (folder.join(file_name(chunk, batch.format())), why)));
+                found.insert(chunk, about);
             }
             Outcome::Absent => {}
         }

@@ -21,6 +21,12 @@ const PLAN: &str = r#"Batch(
     jobs_per_chunk: 3,
 )"#;
 
+/// The plan in both formats, with the extension of its chunks.
+fn plans() -> [(String, &'static str); 2] {
+    let parquet = PLAN.replace("jobs_per_chunk", "format: Parquet, jobs_per_chunk");
+    [(PLAN.to_owned(), "npz"), (parquet, "parquet")]
+}
+
 fn texture(pitch: f64) -> TextureModel {
     let at = |(speed_m_s, force_n): (f64, f64)| ModelAt {
         speed_m_s,
@@ -65,8 +71,13 @@ fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 #[test]
 fn parts_in_any_number_merge_to_the_bytes_of_one_run() {
-    let folder = with_plan(PLAN);
-    let batch = load(&folder).unwrap();
+    for (plan, _) in plans() {
+        merge_any_number(&with_plan(&plan));
+    }
+}
+
+fn merge_any_number(folder: &TempDir) {
+    let batch = load(folder).unwrap();
     assert_eq!((batch.jobs(), batch.chunks()), (20, 7));
     let at = |name: &str| folder.path().join(name);
     let whole = render_to(&batch, &at("whole"), None, 2);
@@ -97,20 +108,26 @@ fn parts_in_any_number_merge_to_the_bytes_of_one_run() {
 
 #[test]
 fn a_second_run_renders_only_what_is_missing_or_broken() {
-    let folder = with_plan(PLAN);
-    let batch = load(&folder).unwrap();
+    for (plan, extension) in plans() {
+        repair(&with_plan(&plan), extension);
+    }
+}
+
+fn repair(folder: &TempDir, extension: &str) {
+    let batch = load(folder).unwrap();
+    let chunk = |number: u64| format!("chunk-{number:06}.{extension}");
     let data = folder.path().join("data");
     render_to(&batch, &data, None, 2);
     let whole = content(&data);
-    fs::remove_file(data.join("chunk-000002.npz")).unwrap();
-    let mut broken = whole["chunk-000004.npz"].clone();
+    fs::remove_file(data.join(chunk(2))).unwrap();
+    let mut broken = whole[&chunk(4)].clone();
     // In the middle of the numbers.
     let place = broken.len() / 2;
     broken[place] ^= 1;
-    fs::write(data.join("chunk-000004.npz"), &broken).unwrap();
-    fs::write(data.join("chunk-000005.npz"), &broken[..place]).unwrap();
-    fs::write(data.join("chunk-000006.npz.99-0.tmp"), "half").unwrap();
-    fs::copy(data.join("chunk-000000.npz"), data.join("chunk-000001.npz")).unwrap();
+    fs::write(data.join(chunk(4)), &broken).unwrap();
+    fs::write(data.join(chunk(5)), &broken[..place]).unwrap();
+    fs::write(data.join(format!("{}.99-0.tmp", chunk(6))), "half").unwrap();
+    fs::copy(data.join(chunk(0)), data.join(chunk(1))).unwrap();
     let again = render_to(&batch, &data, None, 1);
     assert_eq!((again.rendered, again.kept, again.replaced.len()), (4, 3, 3));
     assert!(again.is_complete);
@@ -226,6 +243,7 @@ fn a_manifest_that_no_run_wrote_is_not_merged() {
         ("/plan", "".into()),
         ("/inputs/0/sha256", "0".into()),
         ("/surfaces", serde_json::json!(["cork"])),
+        ("/format", "Parquet".into()),
     ] {
         let mut wrong = sound.clone();
         *wrong.pointer_mut(at).unwrap() = value;
@@ -339,3 +357,5 @@ fn shards_are_written_as_k_of_n() {
         assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
     }
 }
+
+mod parquet;

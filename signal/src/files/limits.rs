@@ -22,6 +22,8 @@ pub const MAX_PLAN_BYTES: u64 = 16 << 20;
 pub const MAX_JOBS_BYTES: u64 = 512 << 20;
 /// A list of written files with their hashes: those of a folder or of the largest data set.
 pub const MAX_MANIFEST_BYTES: u64 = 256 << 20;
+/// The footer of a chunk of a data set in Parquet: two thousand groups of rows.
+pub const MAX_FOOTER_BYTES: u64 = 64 << 20;
 /// The facts of a run, or its page.
 pub const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// A part of an evaluation.

@@ -74,7 +74,7 @@ pub fn write_atomically_by<T>(path: &Path, fill: impl FnOnce(&mut File) -> io::R
     let mut temporary = name.to_owned();
     temporary.push(format!(".{}-{}{TEMPORARY}", std::process::id(), WRITES.fetch_add(1, Ordering::Relaxed)));
     let temporary = path.with_file_name(temporary);
-    let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
+    let file = OpenOptions::new().read(true).write(true).create_new(true).open(&temporary);
     let written = file.and_then(|mut file| {
         let filled = fill(&mut file)?;
         file.sync_all()?;
