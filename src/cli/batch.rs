@@ -7,12 +7,13 @@ use super::{Failure, eprint, make_folder, print_json, run, snippet};
 use crate::engine::frame::Kind;
 use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
-use crate::learning::batch::{self, Batch, Merged, PlanError, RenderSettings, Rendered, Shard};
+use crate::learning::batch::{self, Batch, Merged, PlanError, Processors, RenderSettings, Rendered, Shard};
 use crate::nodes::sinks::wav::open_to_fit;
 use crate::signal::quantity::Quantity;
 use crate::signal::time::Rate;
 use clap::{ArgAction, Subcommand};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
@@ -59,6 +60,9 @@ enum Command {
         /// The folder to write the data set into
         #[arg(short, long, value_name = "DIR")]
         output: PathBuf,
+        /// Accept parts that were rendered by processors of different families, which may round differently
+        #[arg(long)]
+        any_processor: bool,
         /// Print the result as JSON
         #[arg(long)]
         json: bool,
@@ -87,7 +91,10 @@ enum Command {
 
 pub(super) fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     match &arguments.command {
-        Some(Command::Merge { parts, output, json }) => return merge(parts, output, *json),
+        Some(Command::Merge { parts, output, any_processor, json }) => {
+            let allowed = if *any_processor { Processors::Any } else { Processors::OneFamily };
+            return merge(parts, output, allowed, *json);
+        }
         Some(Command::Wav { plan, jobs, output, force, json }) => {
             return wav(plan, jobs, (output, *force), *json);
         }
@@ -139,6 +146,7 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     for (path, why) in &done.replaced {
         eprint(&format!("note: chunk {} was broken and is rendered again: {why}\n", path.display()));
     }
+    note_processors(&done.processors);
     if !done.was_stopped {
         return show(&done, arguments.json);
     }
@@ -177,14 +185,25 @@ struct Joined {
 
 impl CommandResult for Joined {
     fn text(&self) -> String {
-        let Merged { chunks, folder, jobs } = &self.merged;
+        let Merged { chunks, folder, jobs, .. } = &self.merged;
         format!("merged {chunks} chunks, {jobs} jobs, of {} parts: {}\n", self.parts, folder.display())
     }
 }
 
-fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
-    let merged =
-        Progress::during("merging", |at| batch::merge(parts, output, at)).map_err(Failure::message)?;
+/// Notes on standard error that chunks were rendered by processors of several families.
+fn note_processors(processors: &BTreeSet<String>) {
+    if processors.len() > 1 {
+        let all = processors.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+        eprint(&format!(
+            "note: the chunks were rendered by different processors ({all}), which may round differently\n"
+        ));
+    }
+}
+
+fn merge(parts: &[PathBuf], output: &Path, allowed: Processors, json: bool) -> Result<(), Failure> {
+    let merged = Progress::during("merging", |at| batch::merge(parts, output, allowed, at));
+    let merged = merged.map_err(Failure::message)?;
+    note_processors(&merged.processors);
     show(&Joined { merged, parts: parts.len() }, json)
 }
 

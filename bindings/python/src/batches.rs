@@ -2,7 +2,7 @@
 
 use crate::errors::Failure;
 use crate::work::apart;
-use haptograph::learning::batch::{self as library, Batch, RenderSettings, Shard};
+use haptograph::learning::batch::{self as library, Batch, Processors, RenderSettings, Shard};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -45,10 +45,12 @@ pub(crate) fn merge(
     py: Python<'_>,
     parts: Vec<PathBuf>,
     folder: PathBuf,
+    any_processor: bool,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(u64, u64)> {
+    let allowed = if any_processor { Processors::Any } else { Processors::OneFamily };
     let merged = apart(py, (progress, true), move |progress| {
-        library::merge(&parts, &folder, &|part| progress.at_or_end(part)).map_err(Failure::of)
+        library::merge(&parts, &folder, allowed, &|part| progress.at_or_end(part)).map_err(Failure::of)
     })?;
     Ok((merged.chunks, merged.jobs))
 }

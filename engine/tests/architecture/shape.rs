@@ -14,8 +14,9 @@ use exceptions::{CIRCLES, LONG_FUNCTIONS, LONG_MACROS, WIDE_TYPES};
 /// Folder, largest number of production lines, and the number to which it should come down. A larger budget needs a reason
 /// in the message of the commit that raises it.
 const BUDGETS: [(&str, usize, usize); 11] = [
-    // 96 for files that a page writes, and its clock; 20 for Fourier transforms of which a page loads less; 6 for the step-up recursion.
-    ("signal", 5_940, 4_800),
+    // 96 for files that a page writes, and its clock; 20 for Fourier transforms of which a page loads less; 6 for the step-up recursion;
+    // 11 for the family of a processor.
+    ("signal", 5_950, 4_800),
     // 85 for files of settings that are no graphs, and maps from names as settings; 112 for endpoints that a program lends;
     // 67 for the players of several drivers on one clock of their caller; 134 for endpoints that a graph shares with the one that it
     // replaces, with their queues, claims and errors; 5 for groups of settings in built graphs.
@@ -26,8 +27,9 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // 480 for strokes from rest, onsets learned from them, and their error on held-out takes; 430 for recordings that stay in
     // their files; 170 for clips; 85 for what columns of any logger probably hold, and what follows from a finding.
     // 10 for the errors of a surface that was learned before; 3 for what was recorded; 700 for files of phones and controllers: analysis,
-    // three formats, their decoding, and what they lose; 340 for data sets in Parquet.
-    ("learning", 16_545, 9_500),
+    // three formats, their decoding, and what they lose; 340 for data sets in Parquet, 40 for
+    // the processors that rendered one.
+    ("learning", 16_585, 9_500),
     // 155 for materials that stick and slip, strokes from rest, and static friction; 250 for models and vectors that an embedding program
     // gives; 118 for Haply's arms.
     ("nodes", 14_795, 13_000),
@@ -43,8 +45,9 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     // finds, and for graphs that are changed by hand, 440 for the gallery with its pictures, the documentation of a site, and a server that opens
     // another graph, 75 for a graph and its files as one download, 70 for kept sound as a file of phones and controllers.
     ("studio", 6_850, 3_300),
-    // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery; 10 for Haply's arms; 175 for `export`.
-    ("src", 10_855, 6_300),
+    // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery; 10 for Haply's arms; 175 for `export`; 15 for the
+    // processors of a data set.
+    ("src", 10_870, 6_300),
     // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python;
     // 110 for surfaces of models from elsewhere; 10 for models that steer; 274 for seven calls of C, with the structures of their lists:
     // other graphs, settings, silence, and buffers of float; 40 for files of phones and controllers.
@@ -54,14 +57,15 @@ const BUDGETS: [(&str, usize, usize); 11] = [
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
 /// examples, bindings and programs with kinds of their own use stays public; `unreachable_pub` finds what nobody outside can reach.
 const PUBLIC: [(&str, usize); 11] = [
-    // 2 for reflection coefficients in place, 1 for the limit of a footer.
-    ("signal", 384),
+    // 2 for reflection coefficients in place, 1 for the limit of a footer, 1 for the family of a processor.
+    ("signal", 385),
     // 9 for several drivers on one clock of their caller, 1 for groups of settings, 1 for a live setting of two graphs.
     ("engine", 745),
     // 1 for a model of a spectrum, 5 for what was recorded.
     ("surfaces", 393),
-    // 1 for the errors of a surface that was learned before, 11 for files of phones and controllers.
-    ("learning", 396),
+    // 1 for the errors of a surface that was learned before, 11 for files of phones and controllers, 1 for the
+    // processors of a data set.
+    ("learning", 397),
     // 4 for models that an embedding program gives; 8 for Haply's arms.
     ("nodes", 424),
     ("live", 228),

@@ -7,6 +7,7 @@ mod thrift;
 use super::document::{Format, Samples};
 use super::plan::{Batch, Job};
 use haptograph_signal::files::{self, write_atomically_by};
+use haptograph_signal::instructions::processor_family;
 use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -31,6 +32,8 @@ pub(super) struct About {
     /// See [`Batch::identity`].
     batch: String,
     chunk: u64,
+    /// See [`processor_family`].
+    pub processor: String,
     /// The hash of the content, as its format defines it.
     pub sha256: String,
 }
@@ -131,6 +134,7 @@ impl Chunk {
             haptograph: env!("CARGO_PKG_VERSION").to_owned(),
             batch: batch.identity().to_owned(),
             chunk: self.number,
+            processor: processor_family(),
             sha256: String::new(),
         };
         write_atomically_by(path, |file| match batch.format() {

@@ -6,7 +6,7 @@ use super::plan::{Batch, Input, MAX_CHUNKS, count, identify};
 use crate::parts::Part;
 use haptograph_signal::files::{self, write_atomically};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::Path;
 
@@ -42,6 +42,8 @@ pub(super) struct Manifest {
     pub signals: Vec<String>,
     pub samples: String,
     pub format: Format,
+    /// The families of processors that rendered the chunks; the bits of samples may differ between families.
+    pub processors: BTreeSet<String>,
     pub jobs: u64,
     pub jobs_per_chunk: u64,
     pub update_hz: f64,
@@ -73,6 +75,7 @@ impl Manifest {
             signals: batch.signals().iter().map(|signal| signal.name().to_owned()).collect(),
             samples: batch.samples().as_str().to_owned(),
             format: batch.format(),
+            processors: found.values().map(|about| about.processor.clone()).collect(),
             jobs: batch.jobs(),
             jobs_per_chunk: batch.jobs_per_chunk(),
             update_hz: batch.update_hz(),
@@ -118,7 +121,7 @@ impl Manifest {
 
     /// The part of the batch in a folder.
     pub(super) fn part<'a>(&'a self, folder: &'a Path) -> Part<'a, Self, ChunkEntry> {
-        let head = Self { complete: false, chunks: vec![], ..self.clone() };
+        let head = Self { complete: false, chunks: vec![], processors: BTreeSet::new(), ..self.clone() };
         Part { path: folder, head, items: self.chunks.iter().map(|entry| (entry.chunk, entry)).collect() }
     }
 

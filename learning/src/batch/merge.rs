@@ -6,6 +6,7 @@ use super::manifest::{ChunkEntry, Manifest};
 use crate::parts::{PartsError, whole};
 use haptograph_signal::files::copy_atomically;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -24,12 +25,27 @@ pub enum MergeError {
     Manifest { path: PathBuf, why: String },
     #[error(transparent)]
     Parts(#[from] PartsError),
+    #[error(
+        "the parts were rendered by different processors ({}), which may round differently; render all parts on machines of \
+         one of them, or allow any processor when merging",
+        processors.join(", ")
+    )]
+    Processors { processors: Vec<String> },
     #[error("{} is damaged: {why}; render its part again to repair it", path.display())]
     Broken { path: PathBuf, why: String },
     #[error(transparent)]
     Folder(#[from] FolderError),
     #[error("cannot write {}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
+}
+
+/// The processors that may have rendered the parts of a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Processors {
+    /// Those of one family.
+    OneFamily,
+    /// Those of any families; the manifest lists them.
+    Any,
 }
 
 /// The result of a merge.
@@ -41,6 +57,8 @@ pub struct Merged {
     pub folder: PathBuf,
     /// Jobs of the whole.
     pub jobs: u64,
+    /// The families of processors that rendered the chunks.
+    pub processors: BTreeSet<String>,
 }
 
 /// Merges the parts of a batch into one folder, by links if the file system supports them. The result is bitwise equal to that of
@@ -49,8 +67,14 @@ pub struct Merged {
 /// Reads every chunk and compares its hash. Resumes an interrupted merge.
 ///
 /// # Errors
-/// [`MergeError`] if a chunk is missing, duplicate, damaged or of another batch; the target then has no complete manifest.
-pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result<Merged, MergeError> {
+/// [`MergeError`] if a chunk is missing, duplicate, damaged, of another batch or of another family of processors; the target then
+/// has no complete manifest.
+pub fn merge(
+    folders: &[PathBuf],
+    into: &Path,
+    allowed: Processors,
+    progress: &dyn Fn(f64),
+) -> Result<Merged, MergeError> {
     let manifests = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
     let first = manifests.first().ok_or(PartsError::Nothing)?;
     let parts: Vec<_> =
@@ -59,8 +83,12 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
     let merged = Manifest {
         complete: true,
         chunks: chunks.iter().map(|(_, entry)| (*entry).clone()).collect(),
+        processors: manifests.iter().flat_map(|manifest| manifest.processors.clone()).collect(),
         ..first.clone()
     };
+    if allowed == Processors::OneFamily && merged.processors.len() > 1 {
+        return Err(MergeError::Processors { processors: merged.processors.into_iter().collect() });
+    }
     let _claim = Claim::of(into, &merged.batch)?;
     for (number, (from, entry)) in chunks.iter().enumerate() {
         take(from, into, entry, &merged)?;
@@ -68,7 +96,12 @@ pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result
     }
     let path = into.join(super::MANIFEST);
     merged.write(into).map_err(|source| MergeError::Io { path, source })?;
-    Ok(Merged { chunks: merged.whole(), folder: into.to_owned(), jobs: merged.jobs })
+    Ok(Merged {
+        chunks: merged.whole(),
+        folder: into.to_owned(),
+        jobs: merged.jobs,
+        processors: merged.processors,
+    })
 }
 
 /// The manifest of a part.
@@ -86,11 +119,13 @@ fn read(folder: &Path) -> Result<Manifest, MergeError> {
 /// Copies or links a chunk into the folder, unless it is already there, and verifies it.
 fn take(from: &Path, into: &Path, entry: &ChunkEntry, whole: &Manifest) -> Result<(), MergeError> {
     let (source, target) = (from.join(&entry.file), into.join(&entry.file));
-    let is_whole =
-        |path: &Path| match verify(path, whole.format, &whole.batch, entry.chunk)?.sha256 == entry.sha256 {
+    let is_whole = |path: &Path| {
+        let about = verify(path, whole.format, &whole.batch, entry.chunk)?;
+        match about.sha256 == entry.sha256 && whole.processors.contains(&about.processor) {
             true => Ok(()),
             false => Err("its content does not match its manifest".to_owned()),
-        };
+        }
+    };
     if target.symlink_metadata().is_ok() && is_whole(&target).is_ok() {
         return Ok(());
     }

@@ -8,7 +8,7 @@ use crate::parts::{self, Outcome, Shard};
 use haptograph_signal::parallel;
 use haptograph_surfaces::rendering::SynthesisError;
 use serde::{Serialize, Serializer};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -41,6 +41,8 @@ pub struct Rendered {
     pub folder: PathBuf,
     /// Chunks that already existed.
     pub kept: u64,
+    /// The families of processors that rendered the chunks in the folder.
+    pub processors: BTreeSet<String>,
     /// Chunks rendered in this run.
     pub rendered: u64,
     /// Damaged files and the reasons; they were rendered again.
@@ -89,6 +91,7 @@ pub fn render(
     rendered.was_stopped = rendered.kept + rendered.rendered < rendered.chunks;
     let manifest = Manifest::of(batch, &found);
     rendered.is_complete = manifest.complete;
+    rendered.processors = manifest.processors.clone();
     let path = folder.join(super::MANIFEST);
     if rendered.was_stopped && rendered.rendered == 0 && path.is_file() {
         // Nothing is new, and the existing manifest is more complete than an interrupted scan.

@@ -61,6 +61,11 @@ fn render_to(batch: &Batch, folder: &Path, shard: Option<&str>, threads: usize) 
     render(batch, folder, &settings, &|_| (), &AtomicBool::new(false)).unwrap()
 }
 
+/// A merge of parts that were rendered here.
+fn merge(parts: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result<Merged, MergeError> {
+    super::merge(parts, into, Processors::OneFamily, progress)
+}
+
 /// All files of a folder but its mark.
 fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
@@ -254,6 +259,34 @@ fn a_manifest_that_no_run_wrote_is_not_merged() {
     }
     fs::write(&path, sound.to_string()).unwrap();
     merge(&[part], &folder.path().join("all"), &|_| ()).unwrap();
+}
+
+#[test]
+fn parts_of_different_processors_are_merged_when_asked() {
+    let folder = with_plan(PLAN);
+    let batch = load(&folder).unwrap();
+    let parts = ["a", "b"].map(|name| folder.path().join(name));
+    let own = render_to(&batch, &parts[0], Some("1/2"), 1).processors;
+    assert_eq!(render_to(&batch, &parts[1], Some("2/2"), 1).processors, own);
+    let manifest = parts[1].join(MANIFEST);
+    let sound = fs::read_to_string(&manifest).unwrap();
+    let own = own.first().unwrap();
+    fs::write(&manifest, sound.replace(own, "z80-cpm")).unwrap();
+    let all = folder.path().join("all");
+    let refused = merge(&parts, &all, &|_| ());
+    assert!(matches!(refused, Err(MergeError::Processors { processors }) if processors == [own, "z80-cpm"]));
+    assert!(!all.exists());
+    let merged = super::merge(&parts, &all, Processors::Any, &|_| ()).unwrap();
+    assert_eq!(merged.processors.iter().collect::<Vec<_>>(), [own, "z80-cpm"]);
+    // A manifest that says nothing of the processor of its chunks is not theirs.
+    let refused = super::merge(&parts[1..], &all, Processors::Any, &|_| ());
+    assert!(matches!(refused, Err(MergeError::Parts(PartsError::Missing { .. }))));
+    for part in &parts {
+        let path = part.join(MANIFEST);
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(&path, text.replace(own, "z80-cpm")).unwrap();
+    }
+    assert!(matches!(merge(&parts, &folder.path().join("none"), &|_| ()), Err(MergeError::Broken { .. })));
 }
 
 #[test]

@@ -71,6 +71,7 @@ def merge(
     parts: Sequence[str | os.PathLike[str]],
     folder: str | os.PathLike[str],
     progress: Callable[[float], object] | None = None,
+    any_processor: bool = False,
 ) -> tuple[int, int]:
     """Merge the parts of a data set into one folder, identical to that of one call of :func:`batch`.
 
@@ -83,12 +84,14 @@ def merge(
     progress : callable, optional
         Called with the fraction done, 0 to 1. Ctrl-C, or an exception that it raises, ends the call; a later call
         continues there.
+    any_processor : bool, optional
+        Accept parts that were rendered by processors of different families, which may round differently; the manifest
+        lists them.
 
     Returns
     -------
     (int, int)
         Numbers of chunks and jobs of the data set.
     """
-    return _native.merge(
-        [path_name("parts", part) for part in items("parts", parts)], path_name("folder", folder), progress
-    )
+    paths = [path_name("parts", part) for part in items("parts", parts)]
+    return _native.merge(paths, path_name("folder", folder), bool(any_processor), progress)
