@@ -54,3 +54,9 @@ pub(crate) fn merge(
     })?;
     Ok((merged.chunks, merged.jobs))
 }
+
+/// The checked manifest of a data set as JSON.
+#[pyfunction]
+pub(crate) fn manifest(py: Python<'_>, folder: PathBuf) -> PyResult<String> {
+    library::read_manifest(&folder).map_err(|error| Failure::of(error).raise(py))
+}

@@ -20,7 +20,7 @@ mod work;
 #[pyo3::pymodule]
 mod _native {
     #[pymodule_export]
-    use crate::batches::{batch, merge};
+    use crate::batches::{batch, manifest, merge};
     #[pymodule_export]
     use crate::evaluation::{evaluate, identify, sweep};
     #[pymodule_export]

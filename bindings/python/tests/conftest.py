@@ -1,7 +1,10 @@
 """Where things are, and a recording that the library itself synthesised."""
 
+import importlib
+import os
 import signal
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,6 +15,11 @@ import haptograph as hg
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parents[3]
+
+
+def needed(name: str) -> ModuleType:
+    """A package that not every machine has: the test is skipped without it, and fails where nothing may be skipped."""
+    return importlib.import_module(name) if os.environ.get("HAPTOGRAPH_NO_SKIPS") else pytest.importorskip(name)
 
 
 @pytest.fixture(scope="session")

@@ -52,6 +52,9 @@ def test_hostile_calls_are_errors(plan, tmp_path):
         lambda: hg.merge([], data),
         lambda: hg.merge(data, data),
         lambda: hg.merge([data], tmp_path / "all"),
+        lambda: hg.open(data),
+        lambda: hg.open(plan),
+        lambda: hg.open(3),
     ):
         with pytest.raises(hg.Error) as raised:
             call()

@@ -1,17 +1,14 @@
 """What the package renders under PyTorch's loaders; where PyTorch is."""
 
 import multiprocessing
-import os
 
 import numpy as np
 import pytest
+from conftest import needed
 
 import haptograph as hg
 
-if os.environ.get("HAPTOGRAPH_NO_SKIPS"):
-    import torch
-else:
-    torch = pytest.importorskip("torch")
+torch = needed("torch")
 
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info  # noqa: E402
 
@@ -63,3 +60,28 @@ def test_a_tensor_is_an_array(canvas):
     assert np.array_equal(canvas.render(force, 0.1, seed=1), canvas.render(np.ones(400), 0.1, seed=1))
     with pytest.raises(hg.Error, match="finite"):
         canvas.render(force * float("nan"), 0.1)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("format", ["Npz", "Parquet"])
+def test_a_loader_reads_a_data_set(format, way, graphs, tmp_path):
+    if format == "Parquet":
+        needed("pyarrow")
+    (tmp_path / "plan.ron").write_text(
+        f"""Batch(
+    surfaces: ["{graphs}/surfaces/t2-canvas.ron"],
+    motions: {{ "steady": Constant(seconds: 0.05, speed_mm_s: 80, force_n: 1) }},
+    jobs: Product(seeds: (1, 7)), jobs_per_chunk: 3, format: {format},
+)"""
+    )
+    hg.batch(tmp_path / "plan.ron", tmp_path / "data")
+    data = hg.open(tmp_path / "data")
+    # What was read before a fork must not hold up what is read behind it.
+    wanted = [job["vibration_m_s2"] for job in data]
+    workers = {} if way is None else {"num_workers": 2, "multiprocessing_context": way, "timeout": 120}
+    seen = 0
+    for batch in DataLoader(data, batch_size=2, shuffle=True, **workers):
+        for job, vibration in zip(batch["job"].tolist(), batch["vibration_m_s2"], strict=True):
+            assert np.array_equal(vibration.numpy(), wanted[job])
+            seen += 1
+    assert seen == 7

@@ -63,9 +63,9 @@ const PUBLIC: [(&str, usize); 11] = [
     ("engine", 745),
     // 1 for a model of a spectrum, 5 for what was recorded.
     ("surfaces", 393),
-    // 1 for the errors of a surface that was learned before, 11 for files of phones and controllers, 1 for the
-    // processors of a data set.
-    ("learning", 397),
+    // 1 for the errors of a surface that was learned before, 11 for files of phones and controllers, 2 for the
+    // processors and the manifest of a data set.
+    ("learning", 398),
     // 4 for models that an embedding program gives; 8 for Haply's arms.
     ("nodes", 424),
     ("live", 228),

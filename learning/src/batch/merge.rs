@@ -104,6 +104,16 @@ pub fn merge(
     })
 }
 
+/// The manifest of a folder as JSON, after the checks of a merge.
+///
+/// # Errors
+/// [`MergeError::NoManifest`], [`MergeError::Manifest`].
+pub fn read_manifest(folder: &Path) -> Result<String, MergeError> {
+    let path = folder.to_owned();
+    let text = serde_json::to_string(&read(folder)?);
+    text.map_err(|error| MergeError::Manifest { path, why: error.to_string() })
+}
+
 /// The manifest of a part.
 fn read(folder: &Path) -> Result<Manifest, MergeError> {
     let path = folder.to_owned();

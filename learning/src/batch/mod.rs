@@ -21,7 +21,7 @@ pub use crate::parts::Shard;
 pub use chunk::vibration;
 pub use folder::FolderError;
 pub use manifest::{ChunkEntry, MANIFEST};
-pub use merge::{MergeError, Merged, Processors, merge};
+pub use merge::{MergeError, Merged, Processors, merge, read_manifest};
 pub use plan::{Batch, BatchSurface, Job};
 pub use problem::{PlanError, PlanProblem};
 pub use render::{RenderError, RenderSettings, Rendered, render};

@@ -278,6 +278,7 @@ fn parts_of_different_processors_are_merged_when_asked() {
     assert!(!all.exists());
     let merged = super::merge(&parts, &all, Processors::Any, &|_| ()).unwrap();
     assert_eq!(merged.processors.iter().collect::<Vec<_>>(), [own, "z80-cpm"]);
+    assert!(read_manifest(&all).unwrap().contains("z80-cpm"));
     // A manifest that says nothing of the processor of its chunks is not theirs.
     let refused = super::merge(&parts[1..], &all, Processors::Any, &|_| ());
     assert!(matches!(refused, Err(MergeError::Parts(PartsError::Missing { .. }))));

@@ -10,6 +10,7 @@ would print. Long calls let other threads run, and ctrl-C ends them.
 """
 
 from ._batch import Rendered, batch, merge
+from ._data_set import DataSet, open
 from ._errors import Diagnostic, Error, GraphError, LearningWarning, RangeWarning
 from ._evaluation import Evaluation, Identification, evaluate, identify
 from ._export import Export, export
@@ -25,6 +26,7 @@ from ._surface import Comparison, Coverage, Model, Surface, compare, learn, rend
 __all__ = [
     "Comparison",
     "Coverage",
+    "DataSet",
     "Diagnostic",
     "Error",
     "Evaluation",
@@ -54,6 +56,7 @@ __all__ = [
     "identify",
     "learn",
     "merge",
+    "open",
     "read",
     "render",
 ]

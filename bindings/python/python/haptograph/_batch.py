@@ -24,7 +24,7 @@ class Rendered:
     replaced : list of path
         Files that did not hold their chunk; they were rendered again.
     complete : bool
-        Whether every chunk of the whole data set is in the folder.
+        Whether every chunk of the whole data set is in the folder; :func:`open` reads it.
     """
 
     chunks: int
