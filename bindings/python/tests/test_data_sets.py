@@ -11,7 +11,7 @@ from conftest import needed
 import haptograph as hg
 
 SIGNALS = ["vibration_m_s2", "speed_m_s", "force_n"]
-LABELS = ["job", "surface", "surface_name", "motion", "motion_name", "seed", "samples", "rate_hz", "gain", "update_hz"]
+LABELS = ["job", "surface", "surface_name", "motion", "motion_name", "seed", "samples", "rate_hz", "gain", "update_hz", "outside"]
 
 
 @pytest.fixture(scope="module", params=["Float32", "Float64"])

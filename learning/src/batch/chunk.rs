@@ -8,6 +8,7 @@ use super::document::{Format, Samples};
 use super::plan::{Batch, Job};
 use haptograph_signal::files::{self, write_atomically_by};
 use haptograph_signal::instructions::processor_family;
+use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -105,7 +106,8 @@ impl Chunk {
         let jobs: Vec<Job> = numbers.clone().map(|job| batch.job(job)).collect();
         let longest = jobs.iter().map(|job| batch.samples_of(job)).max().unwrap_or(0);
         let signals = signals(batch, &jobs, longest, stop);
-        let Some(signals) = signals.map_err(|(place, error)| (numbers.start + place as u64, error))? else {
+        let signals = signals.map_err(|(place, error)| (numbers.start + place as u64, error))?;
+        let Some((signals, outside)) = signals else {
             return Ok(None);
         };
         let (count, longest) = (jobs.len() as u64, longest as u64);
@@ -120,6 +122,7 @@ impl Chunk {
             ("rate_hz", Numbers::F64(jobs.iter().map(|job| batch.rate_hz(job)).collect())),
             ("gain", Numbers::F64(jobs.iter().map(|job| job.gain).collect())),
             ("update_hz", Numbers::F64(jobs.iter().map(|job| job.update_hz).collect())),
+            ("outside", Numbers::F64(outside)),
         ];
         let lines = lines.into_iter().map(|(name, numbers)| (name, vec![count], numbers));
         let signals = batch.signals().iter().zip(signals);
@@ -144,13 +147,15 @@ impl Chunk {
     }
 }
 
-/// The stored signals of some jobs, a row each; `None` if `stop` is set. An error has the index of its job.
+/// The stored signals of some jobs, a row each, and how much of each job is outside; `None` if `stop` is set. An error has the index
+/// of its job.
 fn signals(
     batch: &Batch,
     jobs: &[Job],
     longest: usize,
     stop: &AtomicBool,
-) -> Result<Option<Vec<Numbers>>, (usize, SynthesisError)> {
+) -> Result<Option<(Vec<Numbers>, Vec<f64>)>, (usize, SynthesisError)> {
+    let mut beyond = vec![f64::NAN; jobs.len()];
     let zeros = |_| Numbers::zeros(batch.samples(), jobs.len() * longest);
     let mut signals: Vec<Numbers> = batch.signals().iter().map(zeros).collect();
     // Voices of one surface fill SIMD lanes best.
@@ -161,12 +166,21 @@ fn signals(
             return Ok(None);
         }
         for (place, (trajectory, vibration)) in places.iter().zip(&play(batch, jobs, places)?) {
+            beyond[*place] = outside(&batch.surfaces()[jobs[*place].surface].texture, trajectory);
             for (into, signal) in signals.iter_mut().zip(batch.signals()) {
                 into.put(place * longest, signal.of(trajectory, vibration));
             }
         }
     }
-    Ok(Some(signals))
+    Ok(Some((signals, beyond)))
+}
+
+/// The share of a motion that is beyond what was recorded, where a texture is extrapolated; NaN if it does not tell.
+fn outside(texture: &TextureModel, trajectory: &Trajectory) -> f64 {
+    let Some(recorded) = texture.recorded() else { return f64::NAN };
+    let places = trajectory.speed_m_s.iter().zip(&trajectory.force_n);
+    let beyond = places.filter(|(speed_m_s, force_n)| !recorded.contains(**speed_m_s, **force_n)).count();
+    beyond as f64 / trajectory.speed_m_s.len().max(1) as f64
 }
 
 /// The vibration of one job, before rounding to the chunk's precision, m/s².

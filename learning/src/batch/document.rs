@@ -32,11 +32,13 @@ pub(super) struct Document {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) enum Motion {
-    /// A random walk through speed and force, different for each seed.
+    /// A random walk through speed and force, different for each seed; without ranges through what all surfaces recorded.
     RandomWalk {
         seconds: f64,
-        speed_mm_s: (f64, f64),
-        force_n: (f64, f64),
+        #[serde(default)]
+        speed_mm_s: Option<(f64, f64)>,
+        #[serde(default)]
+        force_n: Option<(f64, f64)>,
         #[serde(default = "usual_cutoff_hz")]
         cutoff_hz: f64,
     },

@@ -5,8 +5,8 @@ use super::motion::Source;
 use super::problem::{PlanError, PlanProblem, find};
 use super::{hash, hex, pattern, table};
 use haptograph_signal::files;
-use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::files::{FileError, read_surface};
+use haptograph_surfaces::{Recorded, TextureModel};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::ops::Range;
@@ -137,9 +137,23 @@ impl Batch {
         }
     }
 
+    /// The ranges that all surfaces recorded, if all tell and have some in common.
+    fn recorded(&self) -> Option<Recorded> {
+        let common = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.max(c), b.min(d));
+        let of_each = self.surfaces.iter().map(|surface| surface.texture.recorded());
+        let all = of_each.reduce(|all, each| {
+            let (all, each) = (all?, each?);
+            let speed_m_s = common(all.speed_m_s, each.speed_m_s);
+            Some(Recorded { speed_m_s, force_n: common(all.force_n, each.force_n) })
+        });
+        let ascends = |(least, most): (f64, f64)| least <= most;
+        all.flatten().filter(|all| ascends(all.speed_m_s) && ascends(all.force_n))
+    }
+
     fn load_motions(&mut self, folder: &Path) -> Result<(), (Part, PlanProblem)> {
+        let recorded = self.recorded();
         for (name, motion) in &self.document.motions {
-            let source = Source::of(motion, folder);
+            let source = Source::of(motion, folder, recorded);
             let source = source.map_err(|problem| (Part::Motion(name.clone()), problem))?;
             if let Source::Recording { file, sha256, .. } = &source {
                 self.inputs.push(Input::new("recording", file, sha256.clone()));

@@ -61,6 +61,11 @@ pub enum PlanProblem {
     Processing(Box<ProcessingError>),
     #[error("{what} is {value}; it must be {expected}")]
     Range { what: &'static str, value: String, expected: &'static str },
+    #[error(
+        "{range} is missing, and there is no range that all surfaces recorded; write it, such as {range}: (from, to), or learn the \
+         surfaces again: their files then hold what was recorded"
+    )]
+    NoRange { range: &'static str },
     #[error("seeds run from the first to the last, and {from} is above {to}; write ({to}, {from})")]
     Seeds { from: u64, to: u64 },
     #[error("there is no {what} {name:?}; the plan has {known}")]
