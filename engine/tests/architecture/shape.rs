@@ -47,11 +47,11 @@ const BUDGETS: [(&str, usize, usize); 11] = [
     ("studio", 6_850, 3_300),
     // 1,320 for `study`, `thesis` and `surface headroom`; 56 for the gallery; 10 for Haply's arms; 175 for `export`; 15 for the
     // processors of a data set.
-    ("src", 10_870, 6_300),
+    ("src", 10_875, 6_300),
     // 140 for surfaces, recordings and graphs that pass to other processes, what learning warns of, evaluation and identification in Python;
     // 110 for surfaces of models from elsewhere; 10 for models that steer; 274 for seven calls of C, with the structures of their lists:
     // other graphs, settings, silence, and buffers of float; 40 for files of phones and controllers.
-    ("bindings", 4_024, 3_100),
+    ("bindings", 4_040, 3_100),
 ];
 
 /// Folder, and largest number of public items: lines that begin one, or re-export some. The aim is 2,400 in all. What documentation,
@@ -75,8 +75,8 @@ const PUBLIC: [(&str, usize); 11] = [
     // 5 that its two modules for pages share, 1 for sound as a file.
     ("studio", 66),
     ("src", 20),
-    // 6 for structures of lists in C.
-    ("bindings", 51),
+    // 6 for structures of lists in C, 1 for the shape of a model.
+    ("bindings", 52),
 ];
 
 /// Largest number of lines of a function, of fields of a type, of lines of a macro, of macros, and of files in a circle of

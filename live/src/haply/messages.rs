@@ -98,6 +98,7 @@ impl State {
     }
 
     /// Identifiers of the arms.
+    #[cfg(feature = "haply")]
     pub(super) fn ids(&self) -> Vec<String> {
         self.inverse3.iter().map(|arm| arm.device_id.clone()).collect()
     }
