@@ -34,7 +34,8 @@ pub struct Builder {
 /// A node or device and its fields.
 #[derive(Debug, Clone)]
 pub struct Part {
-    kind: String,
+    /// None for a group of settings.
+    kind: Option<String>,
     fields: Vec<(String, Value)>,
 }
 
@@ -65,7 +66,10 @@ impl Written for Part {
     fn written(&self) -> Value {
         let fields = self.fields.iter();
         let value = Value::structure(fields.map(|(name, value)| (name.as_str(), value.clone())));
-        if self.kind.is_empty() { value } else { value.named(&self.kind) }
+        match &self.kind {
+            Some(kind) => value.named(kind),
+            None => value,
+        }
     }
 }
 
@@ -159,12 +163,12 @@ impl Builder {
 impl Part {
     /// A node or device of this kind.
     pub fn new(kind: &str) -> Self {
-        Self { kind: kind.to_owned(), fields: Vec::new() }
+        Self { kind: Some(kind.to_owned()), fields: Vec::new() }
     }
 
     /// Settings without a kind: `.set("limit", Part::group().set("peak_a", 0.5).set("continuous_a", 0.25))`.
     pub fn group() -> Self {
-        Self::new("")
+        Self { kind: None, fields: Vec::new() }
     }
 
     /// Gives the node's clock.
