@@ -14,7 +14,7 @@
 //! | `midi` | MIDI; on Linux this needs the headers of ALSA |
 //! | `midi-jack` | MIDI by JACK or PipeWire in place of ALSA's sequencer; the headers of ALSA are needed too |
 //! | `serial` | serial ports, on Linux and macOS |
-//! | `haply` | Haply's arms, through the service of their manufacturer |
+//! | `haply` | Haply's arms, through the service of their manufacturer; on by default |
 
 #![cfg_attr(not(test), warn(unreachable_pub))]
 

@@ -147,14 +147,16 @@ impl Chunk {
     }
 }
 
-/// The stored signals of some jobs, a row each, and how much of each job is outside; `None` if `stop` is set. An error has the index
-/// of its job.
+/// The stored signals of some jobs, a row each, and the share of each job that is outside.
+type Stored = (Vec<Numbers>, Vec<f64>);
+
+/// Of some jobs; `None` if `stop` is set. An error has the index of its job.
 fn signals(
     batch: &Batch,
     jobs: &[Job],
     longest: usize,
     stop: &AtomicBool,
-) -> Result<Option<(Vec<Numbers>, Vec<f64>)>, (usize, SynthesisError)> {
+) -> Result<Option<Stored>, (usize, SynthesisError)> {
     let mut beyond = vec![f64::NAN; jobs.len()];
     let zeros = |_| Numbers::zeros(batch.samples(), jobs.len() * longest);
     let mut signals: Vec<Numbers> = batch.signals().iter().map(zeros).collect();
