@@ -2,7 +2,8 @@
 // files or drives a device.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { cpSync, existsSync, mkdirSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -11,6 +12,7 @@ import { serve } from "./serve.mjs";
 
 const [where, folder] = process.argv.slice(2);
 assert(where, "give the address that the studio printed, or a site's folder");
+export const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 export const served = where.startsWith("http") ? null : await serve(where);
 // Of the studio; a site's own is that of its gallery.
 export const address = served ? `${served.address}studio.html` : where;

@@ -1,11 +1,7 @@
 // The graph changed in its drawing: settings in a form at a node, wires from port to port, by mouse, keyboard and finger; and that the
 // text of the editor has exactly these changes.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { AS_PHONE, open, picture, programTest, studioOf, test, until } from "./harness.mjs";
-
-const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+import { AS_PHONE, AXE, open, picture, programTest, studioOf, test, until } from "./harness.mjs";
 
 const textOf = (page) => page.evaluate(() => studio.edits.text());
 // Waits until a text is in the editor and runs.

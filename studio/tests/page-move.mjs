@@ -1,11 +1,7 @@
 // What a person moves: inputs without a pad, several pads, simulated hands, replays, and what is assigned to the controls.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { join } from "node:path";
-import { AS_PHONE, demo, drop, fingers, latest, level, open, picture, programTest, record, studioOf, test, until } from "./harness.mjs";
-
-const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+import { AS_PHONE, AXE, demo, drop, fingers, latest, level, open, picture, programTest, record, studioOf, test, until } from "./harness.mjs";
 
 const FADERS = `Graph(format: 1, about: "A hum that two faders set.",
     clocks: { "audio": Driver(rate_hz: 48000), "control": Derived(of: "audio", rate_hz: 125) }, nodes: {

@@ -1,11 +1,7 @@
 // Scenarios of a site as a visitor finds it: its gallery, a recipe, the documentation, a phone, no network.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { gzipSync } from "node:zlib";
-import { AS_PHONE, browser, demo, open, PATIENCE_MS, served, siteTest, until } from "./harness.mjs";
-
-const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+import { AS_PHONE, AXE, browser, demo, open, PATIENCE_MS, served, siteTest, until } from "./harness.mjs";
 
 // Gzipped, of all that is loaded before the first sound; of it the engine is 1.08.
 const MOST_BYTES = 1.4e6;

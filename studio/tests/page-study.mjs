@@ -3,13 +3,11 @@
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { HOME, open, picture, PROGRAM, programTest, studioOf, until } from "./harness.mjs";
+import { AXE, HOME, open, picture, PROGRAM, programTest, studioOf, until } from "./harness.mjs";
 import { serve } from "./serve.mjs";
 
-const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const LOST = /WebSocket|ERR_|Failed to load/;
 
 const STUDY = `Study(

@@ -1,11 +1,9 @@
 // What is seen of a graph: its plots, the object that is touched, and scopes of what moves.
 import assert from "node:assert/strict";
 import { readdirSync, readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { join } from "node:path";
-import { HOME, open, picture, programTest, stroke, studioOf, until } from "./harness.mjs";
+import { AXE, HOME, open, picture, programTest, stroke, studioOf, until } from "./harness.mjs";
 
-const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const STROKE_MS = 4500; // longer than a scope that does not move stays
 const AT_ONCE = 3;
 const PLOTS = ["time", "xy", "path"];

@@ -7,6 +7,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import {
     assertSame,
+    AXE,
     demo,
     drop,
     feltPort,
@@ -431,6 +432,9 @@ async function listens(page) {
         assert.equal(await page.locator("#listen [aria-pressed=true]").count(), 1);
     }
     await picture(page, "listen");
+    await page.evaluate(AXE);
+    const { violations } = await page.evaluate(() => axe.run("#listen"));
+    assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`), []);
     // As loud as it was recorded, to 6 dB.
     const beside = await page.textContent("#listen .soft");
     assert(Math.abs(Number(beside.match(/my-tile ([+−]?[\d.]+) dB/)[1].replace("−", "-"))) < 6, beside);
