@@ -7,6 +7,9 @@ use haptograph_learning::pattern::{Format, encode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+/// Longest name of a unit.
+const MOST_UNIT_BYTES: usize = 64;
+
 /// Samples that a page has kept.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub(crate) struct Kept {
@@ -28,6 +31,9 @@ impl Kept {
         let failed =
             |error: &dyn std::fmt::Display| other(format_args!("the sound cannot be exported: {error}"));
         let bytes = STANDARD.decode(&self.samples).map_err(|error| failed(&error))?;
+        if self.unit.len() > MOST_UNIT_BYTES || !bytes.len().is_multiple_of(4) {
+            return Err(failed(&"its unit is too long, or its samples are no 32-bit floats"));
+        }
         let samples = bytes.as_chunks().0.iter();
         let samples: Vec<f64> =
             samples.map(|bytes| f64::from(f32::from_le_bytes(*bytes)) * self.full_scale).collect();

@@ -140,6 +140,7 @@ pub(super) fn of_device(files: Files<'_>, graph: &Attached, device: usize) -> u6
                 state.text(channel.name);
                 state.text(channel.kind.spec().name);
                 state.number(channel.kind.width() as u64);
+                state.text(&channel.quantity.unit());
             }
         }
     })

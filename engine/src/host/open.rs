@@ -161,7 +161,12 @@ impl Session {
             if !is_own && !found.claim.take(flag) {
                 return Err(ChangeError::Playing { endpoint: device.name.clone() });
             }
-            let Some(running) = running else { continue };
+            let Some(running) = running else {
+                // What was queued while no graph read it is old.
+                let own = new.queues().filter(|_| is_own);
+                own.for_each(|new| while new.queue.get().take_if(|_| true, &mut []).is_some() {});
+                continue;
+            };
             for (new, running) in new.queues().zip(running.queues()) {
                 let (queue, running) = (new.queue.get(), running.queue.get());
                 if !Arc::ptr_eq(&queue, &running) {

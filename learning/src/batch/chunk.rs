@@ -8,8 +8,8 @@ use super::document::{Format, Samples};
 use super::plan::{Batch, Job};
 use haptograph_signal::files::{self, write_atomically_by};
 use haptograph_signal::instructions::processor_family;
-use haptograph_surfaces::TextureModel;
 use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
+use haptograph_surfaces::{Recorded, TextureModel};
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::ops::Range;
@@ -180,6 +180,9 @@ fn signals(
 /// The share of a motion that is beyond what was recorded, where a texture is extrapolated; NaN if it does not tell.
 fn outside(texture: &TextureModel, trajectory: &Trajectory) -> f64 {
     let Some(recorded) = texture.recorded() else { return f64::NAN };
+    // Ranges in mm/s may round.
+    let wider = |(least, most): (f64, f64)| ((1.0 - 1e-12) * least, (1.0 + 1e-12) * most);
+    let recorded = Recorded { speed_m_s: wider(recorded.speed_m_s), force_n: wider(recorded.force_n) };
     let places = trajectory.speed_m_s.iter().zip(&trajectory.force_n);
     let beyond = places.filter(|(speed_m_s, force_n)| !recorded.contains(**speed_m_s, **force_n)).count();
     beyond as f64 / trajectory.speed_m_s.len().max(1) as f64

@@ -4,7 +4,6 @@ use super::document::Motion;
 use super::hash;
 use super::problem::PlanProblem;
 use crate::processing;
-use haptograph_surfaces::Recorded;
 use haptograph_surfaces::rendering::{RandomWalk, Trajectory};
 
 use crate::recording::{self, ImportSettings, Series};
@@ -32,18 +31,18 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// Loads a plan's motion; paths are relative to `folder`. `recorded` is what all surfaces recorded.
+    /// Loads a plan's motion; paths are relative to `folder`. The ranges are what all surfaces recorded, m/s and N.
     pub(super) fn of(
         motion: &Motion,
         folder: &Path,
-        recorded: Option<Recorded>,
+        [speed_m_s, usual_n]: [Option<(f64, f64)>; 2],
     ) -> Result<Self, PlanProblem> {
         match motion {
             Motion::RandomWalk { seconds, speed_mm_s, force_n, cutoff_hz } => {
-                let usual = recorded.map(|Recorded { speed_m_s: (slow, fast), .. }| (1e3 * slow, 1e3 * fast));
+                let usual = speed_m_s.map(|(slow, fast)| (1e3 * slow, 1e3 * fast));
                 let missing = |range| PlanProblem::NoRange { range };
                 let speed_mm_s = &speed_mm_s.or(usual).ok_or(missing("speed_mm_s"))?;
-                let force_n = &force_n.or(recorded.map(|all| all.force_n)).ok_or(missing("force_n"))?;
+                let force_n = &force_n.or(usual_n).ok_or(missing("force_n"))?;
                 let (slow, fast) = *speed_mm_s;
                 check_seconds(*seconds)?;
                 check(

@@ -137,17 +137,16 @@ impl Batch {
         }
     }
 
-    /// The ranges that all surfaces recorded, if all tell and have some in common.
-    fn recorded(&self) -> Option<Recorded> {
-        let common = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.max(c), b.min(d));
-        let of_each = self.surfaces.iter().map(|surface| surface.texture.recorded());
-        let all = of_each.reduce(|all, each| {
-            let (all, each) = (all?, each?);
-            let speed_m_s = common(all.speed_m_s, each.speed_m_s);
-            Some(Recorded { speed_m_s, force_n: common(all.force_n, each.force_n) })
-        });
-        let ascends = |(least, most): (f64, f64)| least <= most;
-        all.flatten().filter(|all| ascends(all.speed_m_s) && ascends(all.force_n))
+    /// The ranges of speed (m/s) and of force (N) that all surfaces recorded; none if one does not say, or they have none in common.
+    fn recorded(&self) -> [Option<(f64, f64)>; 2] {
+        let common = |of: fn(Recorded) -> (f64, f64)| {
+            let mut each = self.surfaces.iter().map(|surface| surface.texture.recorded().map(of));
+            let all = each.try_fold((0.0_f64, f64::INFINITY), |(least, most), range| {
+                range.map(|(low, high)| (least.max(low), most.min(high)))
+            });
+            all.filter(|(least, most)| least <= most)
+        };
+        [common(|recorded| recorded.speed_m_s), common(|recorded| recorded.force_n)]
     }
 
     fn load_motions(&mut self, folder: &Path) -> Result<(), (Part, PlanProblem)> {

@@ -137,7 +137,7 @@ pub enum PatternError {
     Length { seconds: f64, longest_s: f64 },
     #[error("sample {sample} (from 0) is not a finite number: repair it or leave it out")]
     NotFinite { sample: usize },
-    #[error("it is silent")]
+    #[error("it is silent; give a part that is not")]
     Silent,
 }
 

@@ -45,7 +45,7 @@ impl Connection {
         let ((edits, edited), (sender, events)) = (channel(), sync_channel(EVENTS));
         let stop = Arc::new(AtomicBool::new(false));
         let (flag, exchange) =
-            (Arc::clone(&stop), Exchange::new(config.clone(), arm.clone(), service, sender));
+            (Arc::clone(&stop), Exchange::new(config.clone(), arm.clone(), (service, state), sender));
         let thread = std::thread::Builder::new()
             .name(format!("arm {device}"))
             .spawn(move || exchange.run(&edited, &flag))

@@ -55,6 +55,8 @@ pub(super) struct Exchange {
     service: Option<Service>,
     driven: LatestCommand,
     presence: Presence,
+    /// Whether the arm is ready and calibrated, as it was last stated.
+    is_ready: Option<bool>,
     /// True until the axes are set.
     is_first: bool,
     /// Time of the last command, and whether it was answered.
@@ -68,10 +70,11 @@ impl Exchange {
     pub(super) fn new(
         config: ArmConfig,
         arm: String,
-        service: Service,
+        (service, state): (Service, State),
         events: SyncSender<BackendEvent>,
     ) -> Self {
         Self {
+            is_ready: state.is_ready(&arm),
             driven: LatestCommand::after(config.link.driven_version()),
             config,
             arm,
@@ -100,13 +103,19 @@ impl Exchange {
         self.release();
     }
 
-    /// Sends a last command of zeros. A stream that is closed ahead of an answer may take the command with it.
+    /// Sends a last command of zeros, which a service that is late gets, too. A stream that is closed ahead of an answer may take the
+    /// command with it.
     fn release(&mut self) {
         let Some(mut service) = self.service.take() else { return };
         let mut answers = 1 + usize::from(!self.sent.1);
         if service.send(command(&self.arm, [0.0; 3], None)) {
-            while answers > 0 && matches!(service.receive(), Received::State(_) | Received::Refused(_)) {
-                answers -= 1;
+            let begun = Instant::now();
+            while answers > 0 && begun.elapsed() < RETRY {
+                match service.receive() {
+                    Received::State(_) | Received::Refused(_) => answers -= 1,
+                    Received::Nothing => {}
+                    Received::Lost(_) => break,
+                }
             }
         }
         service.close();
@@ -114,8 +123,9 @@ impl Exchange {
 
     fn reconnect(&mut self) {
         std::thread::sleep(RETRY);
-        if let Ok((service, _)) = Service::connect(self.config.service) {
+        if let Ok((service, state)) = Service::connect(self.config.service) {
             (self.service, self.is_first, self.sent) = (Some(service), true, (Instant::now(), true));
+            self.is_ready = state.is_ready(&self.arm);
         }
     }
 
@@ -137,10 +147,10 @@ impl Exchange {
         }
     }
 
-    /// Receives the answer. A service that stalls gets no other command, which it would obey late.
+    /// Receives the answer, and what else has come, of which the last state counts. A service that stalls gets no other command, which it would obey late.
     fn receive(&mut self) {
         let Some(service) = &mut self.service else { return };
-        match service.receive() {
+        match service.latest() {
             Received::State(state) => self.take(&state),
             Received::Refused(what) => {
                 self.config.link.count(what, 1);
@@ -157,21 +167,24 @@ impl Exchange {
 
     fn take(&mut self, state: &State) {
         self.sent.1 = true;
+        // A state may leave out what has not changed.
+        self.is_ready = state.is_ready(&self.arm).or(self.is_ready);
         match state.read(&self.arm, self.config.grip.as_deref()) {
+            Ok(Reading::Sensed(_)) if self.is_ready != Some(true) => self.becomes(Presence::NotReady),
             Ok(Reading::Sensed(sensed)) => {
                 self.heard = Some(Instant::now());
                 self.config.link.publish(&sensed);
                 self.becomes(Presence::Here);
             }
-            Ok(Reading::NotReady) => self.becomes(Presence::NotReady),
             Ok(Reading::Absent) => self.becomes(Presence::Absent),
             Err(what) => self.config.link.count(what, 1),
         }
     }
 
-    /// Drops the connection, and with it the session that set the force.
+    /// Gives the connection up, with a force of zero.
     fn lose(&mut self) {
-        (self.service, self.heard) = (None, None);
+        self.heard = None;
+        self.release();
         self.becomes(Presence::NoService);
     }
 

@@ -12,7 +12,6 @@ use serde_json::{Value, json};
 /// A state of everything that the service has.
 #[derive(Debug, Deserialize)]
 pub(super) struct State {
-    #[serde(default)]
     inverse3: Vec<Arm>,
     #[serde(default)]
     verse_grip: Vec<Grip>,
@@ -85,8 +84,6 @@ impl Components {
 pub(super) enum Reading {
     /// Position (m), orientation (rotation vector, rad), velocity (m/s), buttons.
     Sensed([f64; SENSED]),
-    /// The arm is not ready or not calibrated: its position means nothing.
-    NotReady,
     /// The service does not have it.
     Absent,
 }
@@ -103,14 +100,19 @@ impl State {
         self.inverse3.iter().map(|arm| arm.device_id.clone()).collect()
     }
 
+    /// Whether an arm is ready and calibrated, without which its position means nothing; `None` if it does not say.
+    pub(super) fn is_ready(&self, arm: &str) -> Option<bool> {
+        let ArmStatus { ready, calibrated } =
+            &self.inverse3.iter().find(|known| known.device_id == arm)?.status;
+        let stated = ready.is_some() || calibrated.is_some();
+        stated.then_some(*ready != Some(false) && *calibrated != Some(false))
+    }
+
     /// What it says of an arm and its grip: that of this identifier, or the first.
     pub(super) fn read(&self, arm: &str, grip: Option<&str>) -> Result<Reading, Count> {
         let Some(arm) = self.inverse3.iter().find(|known| known.device_id == arm) else {
             return Ok(Reading::Absent);
         };
-        if arm.status.ready == Some(false) || arm.status.calibrated == Some(false) {
-            return Ok(Reading::NotReady);
-        }
         let mut grips =
             self.verse_grip.iter().chain(&self.wireless_verse_grip).chain(&self.custom_verse_grip);
         let grip = grips.find(|known| grip.is_none_or(|id| known.device_id == id)).map(|grip| &grip.state);
@@ -220,8 +222,12 @@ mod tests {
         assert_eq!(State::parse(&text).unwrap().read("04BA", None).unwrap(), Reading::Absent);
         for status in [r#"{"calibrated": false, "ready": true}"#, r#"{"calibrated": true, "ready": false}"#] {
             let text = text.replace(r#""state""#, &format!(r#""status": {status}, "state""#));
-            assert_eq!(read(&text).unwrap(), Reading::NotReady, "{status}");
+            assert_eq!(State::parse(&text).unwrap().is_ready("049D"), Some(false), "{status}");
         }
+        let calibrated = text.replace(r#""state""#, r#""status": {"calibrated": true}, "state""#);
+        assert_eq!(State::parse(&calibrated).unwrap().is_ready("049D"), Some(true));
+        assert_eq!(State::parse(&text).unwrap().is_ready("049D"), None);
+        assert!(matches!(State::parse("{\"session\": {}}"), Err(Count::Malformed)), "no state");
     }
 
     #[test]

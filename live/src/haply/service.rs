@@ -13,7 +13,7 @@ use tungstenite::{Message, WebSocket, client::client_with_config};
 const OPENING: Duration = Duration::from_millis(500);
 /// Size of the largest message: a hundred times that of an arm with its configuration.
 const MAX_BYTES: usize = 128 * 1024;
-/// Messages of other kinds that may come ahead of the first state.
+/// Messages that may come ahead of the one that is wanted.
 const AHEAD: usize = 8;
 
 /// An open connection.
@@ -73,6 +73,27 @@ impl Service {
     /// Sends a message. False if the connection is of no further use.
     pub(super) fn send(&mut self, message: String) -> bool {
         self.0.send(Message::text(message)).is_ok()
+    }
+
+    /// Waits a moment for a message, and takes what else is there: the last state, or else the last message.
+    pub(super) fn latest(&mut self) -> Received {
+        let mut latest = self.receive();
+        for _ in 0..AHEAD {
+            if !matches!(latest, Received::State(_)) || self.0.get_ref().set_nonblocking(true).is_err() {
+                break;
+            }
+            let next = self.receive();
+            if self.0.get_ref().set_nonblocking(false).is_err() {
+                return Received::Lost(None);
+            }
+            match next {
+                Received::Nothing => break,
+                Received::Lost(what) => return Received::Lost(what),
+                Received::State(_) => latest = next,
+                Received::Refused(_) => {}
+            }
+        }
+        latest
     }
 
     /// Waits a moment for a message.

@@ -24,6 +24,8 @@ struct Shared {
     answer: Option<String>,
     /// True while the service is gone.
     is_away: bool,
+    /// True while the service answers no command and takes no connection.
+    stalls: bool,
     commands: Vec<Value>,
 }
 
@@ -105,7 +107,7 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 
 /// Answers each command with a state, after one of everything.
 fn serve(stream: TcpStream, shared: &Mutex<Shared>, stop: &AtomicBool) {
-    if lock(shared).is_away {
+    if lock(shared).is_away || lock(shared).stalls {
         return;
     }
     stream.set_nonblocking(false).unwrap();
@@ -130,6 +132,9 @@ fn answer(socket: &mut WebSocket<TcpStream>, shared: &Mutex<Shared>) -> bool {
     let answer = {
         let mut shared = lock(shared);
         shared.commands.push(serde_json::from_str(&text).unwrap());
+        if shared.stalls {
+            return true;
+        }
         shared.answer.clone().unwrap_or_else(|| shared.state())
     };
     socket.send(Message::text(answer)).is_ok()
@@ -253,6 +258,17 @@ fn a_service_that_goes_leaves_the_arm_silent_and_is_found_again() {
     run.until("it pushes again", |_| service.with(|shared| shared.last_n("049D") > 1.4));
     let forces = service.with(|shared| shared.forces("049D"));
     assert!(forces[0] == [0.0; 3] && forces.iter().all(|[x, ..]| *x <= 1.5 + 1e-9));
+}
+
+#[test]
+fn a_service_that_is_late_gets_a_force_of_zero_on_the_same_connection() {
+    let service = Simulated::new(&[ARM]);
+    let mut run = Run::new(&[("arm", service.endpoint(", timeout_ms: 200"))]);
+    run.until("it pushes", |_| service.with(|shared| shared.last_n("049D") > 1.4));
+    service.with(|shared| shared.stalls = true);
+    run.until("it lets go", |_| service.with(|shared| shared.last_n("049D") == 0.0));
+    service.with(|shared| shared.stalls = false);
+    run.until("it pushes again", |_| service.with(|shared| shared.last_n("049D") > 1.4));
 }
 
 #[test]

@@ -11,7 +11,8 @@ use haptograph_signal::units::{MillimetresPerSecond, Milliseconds};
 use std::net::SocketAddr;
 use std::time::Duration;
 
-const VELOCITY: &str = "Velocity of the tip as the arm states it, m/s; zero while it is silent.";
+const VELOCITY: &str =
+    "Velocity of the tip as the arm states it, m/s; zero while it is silent, unless `on_silence` is `Hold`.";
 const ORIENTATION: &str = "Orientation of the grip as a rotation vector, rad; zero without one.";
 const BUTTONS: &str = "1 while the grip's buttons a, b and c are held, else 0.";
 

@@ -487,7 +487,7 @@ class Surface(Content):
     def recorded_speed(self) -> tuple[float, float] | None:
         """Least and largest speed that was recorded, m/s; beyond it the texture is extrapolated, up to :attr:`max_speed`.
 
-        Medians of short stretches of the recordings. None where a file does not tell, as those learned by older versions.
+        Medians of short stretches of the recordings. None where a file does not say, as those learned by older versions.
         """
         return self._recorded(0)
 

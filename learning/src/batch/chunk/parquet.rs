@@ -266,10 +266,12 @@ pub(super) fn read(mut file: &File) -> io::Result<(About, String, u64)> {
     file.seek(SeekFrom::Start(start))?;
     let mut footer = vec![0; bytes as usize];
     file.read_exact(&mut footer)?;
-    let described = find(&footer, ABOUT).and_then(|place| footer.get(place..)).unwrap_or_default();
+    // Names of surfaces come ahead of it, whatever they are.
+    let begin = footer.windows(ABOUT.len()).rposition(|window| window == ABOUT).unwrap_or(footer.len());
+    let described = &footer[begin..];
     let about = serde_json::Deserializer::from_slice(described).into_iter().next();
     let about: About = about.ok_or_else(|| invalid("its footer has no description"))??;
-    let place = find(&footer, about.sha256.as_bytes()).unwrap_or_default();
+    let place = begin + find(described, about.sha256.as_bytes()).unwrap_or_default();
     footer[place..].iter_mut().take(about.sha256.len()).for_each(|byte| *byte = b'0');
     let mut hash = Sha256::new();
     file.rewind()?;
