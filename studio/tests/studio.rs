@@ -622,6 +622,30 @@ fn a_stop_is_heard_by_a_run_that_never_keeps_up_while_another_page_floods_it() {
     });
 }
 
+/// Late wake-ups so far.
+fn late_wakes(page: &mut Page) -> u64 {
+    page.wait(|said| said["type"] == "status")["late"].as_u64().expect("a number")
+}
+
+/// Records a stroke and replays it: the first sample that differs.
+fn differs_when_replayed(page: &mut Page, graph: &str) -> Option<usize> {
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "graph");
+    let felt = page.stroke(100.0, 1.0, 1.5);
+    page.say(&json!({ "type": "record", "on": false }));
+    let kept = page.wait(|said| said["type"] == "recording");
+    page.wait(|said| said["type"] == "graph");
+    let folder = PathBuf::from(kept["saved"].as_str().expect("it is saved"));
+    assert!(folder.join("report.html").is_file() && rms(&felt) > 1e-3, "{graph}: {}", rms(&felt));
+    page.say(&json!({ "type": "replay", "request": 0, "recording": kept["recording"] }));
+    page.wait(|said| said["type"] == "graph");
+    let count = felt.len() - 4800;
+    let again = page.stroke(0.0, 0.0, count as f64 / 48e3);
+    let differs = (0..count.min(again.len())).find(|at| felt[*at].to_bits() != again[*at].to_bits());
+    page.wait(|said| said["type"] == "status" && said["replay"].is_null() && said["state"] == "running");
+    differs
+}
+
 #[test]
 fn graphs_of_two_drivers_run_on_one_clock_are_stroked_replayed_and_stopped() {
     for (graph, ports) in [
@@ -644,21 +668,13 @@ fn graphs_of_two_drivers_run_on_one_clock_are_stroked_replayed_and_stopped() {
             assert!(rms(&page.stroke(100.0, 1.0, 1.5)) > 1e-3, "{graph}: {port}");
         }
         page.say(&json!({ "type": "scope", "ports": [{ "name": ports[2], "raw": true }] }));
-        page.say(&json!({ "type": "record", "on": true }));
-        page.wait(|said| said["type"] == "graph");
-        let felt = page.stroke(100.0, 1.0, 1.5);
-        page.say(&json!({ "type": "record", "on": false }));
-        let kept = page.wait(|said| said["type"] == "recording");
-        page.wait(|said| said["type"] == "graph");
-        let folder = PathBuf::from(kept["saved"].as_str().expect("it is saved"));
-        assert!(folder.join("report.html").is_file() && rms(&felt) > 1e-3, "{graph}: {}", rms(&felt));
-        page.say(&json!({ "type": "replay", "request": 0, "recording": kept["recording"] }));
-        page.wait(|said| said["type"] == "graph");
-        let count = felt.len() - 4800;
-        let again = page.stroke(0.0, 0.0, count as f64 / 48e3);
-        let differs = (0..count.min(again.len())).find(|at| felt[*at].to_bits() != again[*at].to_bits());
-        assert_eq!(differs, None, "{graph}: of {count} samples, bit for bit");
-        page.wait(|said| said["type"] == "status" && said["replay"].is_null() && said["state"] == "running");
+        // A wake-up that is late may skip frames: then once more.
+        let in_time = (0..8).find_map(|_| {
+            let late = late_wakes(&mut page);
+            let differs = differs_when_replayed(&mut page, graph);
+            (late_wakes(&mut page) == late).then_some(differs)
+        });
+        assert_eq!(in_time, Some(None), "{graph}: bit for bit");
         page.stroke(100.0, 1.0, 0.5);
         let fall = [page.stroke(100.0, 1.0, 0.1), {
             page.say(&json!({ "type": "stop" }));
