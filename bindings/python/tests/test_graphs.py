@@ -272,12 +272,12 @@ def test_a_frame_is_the_same_in_every_form(graphs):
 def test_a_model_of_its_program_steers_the_filter(graphs):
     graph = hg.Graph.load(graphs.parent / "examples/network/network.ron", set={"warping": 0}, seed=1)
     with graph.player(probes=["filter", "steer.refused"]) as player:
-        assert player.inputs["network"][0] == 33
+        assert player.inputs["network.model"][0] == 33
         lsf = [np.pi * k / 11 for k in range(1, 11)]
-        player.process(1000, {"network": [4.0, *lsf]})
+        player.process(1000, {"network.model": [4.0, *lsf]})
         played = player.process(5000)
         assert np.std(played["filter"]) == pytest.approx(2, rel=0.1)
-        player.process(100, {"network": np.array([-1.0])})
+        player.process(100, {"network.model": np.array([-1.0])})
         assert player.process(500)["steer.refused"][-1] == 1
         with pytest.raises(hg.Error, match="32 coefficients"):
-            player.process(1, {"network": np.ones(40)})
+            player.process(1, {"network.model": np.ones(40)})
