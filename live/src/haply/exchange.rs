@@ -1,6 +1,6 @@
 //! The thread of an arm: a command to the service, its state in answer, and so on.
 
-use super::messages::{Reading, State, command};
+use super::messages::{ArmStatus, Reading, State, command};
 use super::service::{Received, Service};
 use crate::backend::BackendEvent;
 use crate::guard;
@@ -55,8 +55,7 @@ pub(super) struct Exchange {
     service: Option<Service>,
     driven: LatestCommand,
     presence: Presence,
-    /// Whether the arm is ready and calibrated, as it was last stated.
-    is_ready: Option<bool>,
+    status: ArmStatus,
     /// True until the axes are set.
     is_first: bool,
     /// Time of the last command, and whether it was answered.
@@ -74,7 +73,7 @@ impl Exchange {
         events: SyncSender<BackendEvent>,
     ) -> Self {
         Self {
-            is_ready: state.is_ready(&arm),
+            status: state.status(&arm),
             driven: LatestCommand::after(config.link.driven_version()),
             config,
             arm,
@@ -125,7 +124,7 @@ impl Exchange {
         std::thread::sleep(RETRY);
         if let Ok((service, state)) = Service::connect(self.config.service) {
             (self.service, self.is_first, self.sent) = (Some(service), true, (Instant::now(), true));
-            self.is_ready = state.is_ready(&self.arm);
+            self.status = state.status(&self.arm);
         }
     }
 
@@ -150,7 +149,8 @@ impl Exchange {
     /// Receives the answer, and what else has come, of which the last state counts. A service that stalls gets no other command, which it would obey late.
     fn receive(&mut self) {
         let Some(service) = &mut self.service else { return };
-        match service.latest() {
+        let link = &self.config.link;
+        match service.latest(|what| link.count(what, 1)) {
             Received::State(state) => self.take(&state),
             Received::Refused(what) => {
                 self.config.link.count(what, 1);
@@ -167,10 +167,9 @@ impl Exchange {
 
     fn take(&mut self, state: &State) {
         self.sent.1 = true;
-        // A state may leave out what has not changed.
-        self.is_ready = state.is_ready(&self.arm).or(self.is_ready);
+        self.status = self.status.then(state.status(&self.arm));
         match state.read(&self.arm, self.config.grip.as_deref()) {
-            Ok(Reading::Sensed(_)) if self.is_ready != Some(true) => self.becomes(Presence::NotReady),
+            Ok(Reading::Sensed(_)) if !self.status.is_ready() => self.becomes(Presence::NotReady),
             Ok(Reading::Sensed(sensed)) => {
                 self.heard = Some(Instant::now());
                 self.config.link.publish(&sensed);

@@ -7,7 +7,7 @@
 use crate::udp::protocol::are_in_range;
 use haptograph_nodes::network::link::{Count, SENSED};
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// A state of everything that the service has.
 #[derive(Debug, Deserialize)]
@@ -36,10 +36,24 @@ struct ArmState {
     cursor_velocity: Option<Components>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-struct ArmStatus {
+/// What was stated of an arm; a state may leave out what has not changed.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+pub(super) struct ArmStatus {
     ready: Option<bool>,
     calibrated: Option<bool>,
+}
+
+impl ArmStatus {
+    /// With what is stated later.
+    pub(super) fn then(self, later: Self) -> Self {
+        Self { ready: later.ready.or(self.ready), calibrated: later.calibrated.or(self.calibrated) }
+    }
+
+    /// True if something was stated, and nothing against the arm: without that its position means nothing.
+    pub(super) fn is_ready(self) -> bool {
+        let stated = [self.ready, self.calibrated];
+        stated.contains(&Some(true)) && !stated.contains(&Some(false))
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -100,12 +114,10 @@ impl State {
         self.inverse3.iter().map(|arm| arm.device_id.clone()).collect()
     }
 
-    /// Whether an arm is ready and calibrated, without which its position means nothing; `None` if it does not say.
-    pub(super) fn is_ready(&self, arm: &str) -> Option<bool> {
-        let ArmStatus { ready, calibrated } =
-            &self.inverse3.iter().find(|known| known.device_id == arm)?.status;
-        let stated = ready.is_some() || calibrated.is_some();
-        stated.then_some(*ready != Some(false) && *calibrated != Some(false))
+    /// What it states of an arm.
+    pub(super) fn status(&self, arm: &str) -> ArmStatus {
+        let arm = self.inverse3.iter().find(|known| known.device_id == arm);
+        arm.map_or_else(ArmStatus::default, |arm| arm.status)
     }
 
     /// What it says of an arm and its grip: that of this identifier, or the first.
@@ -136,10 +148,8 @@ impl State {
 impl GripState {
     /// 1 for each button that is held.
     fn held(&self) -> [f64; 3] {
-        let held = match &self.buttons {
-            Some(buttons) => [buttons.a, buttons.b, buttons.c],
-            None => [self.button == Some(true), false, false],
-        };
+        let only = [self.button == Some(true), false, false];
+        let held = self.buttons.as_ref().map_or(only, |buttons| [buttons.a, buttons.b, buttons.c]);
         held.map(|held| f64::from(u8::from(held)))
     }
 }
@@ -156,19 +166,14 @@ fn rotation_vector(quaternion: &Components) -> [f64; 3] {
 /// The command of a force on the hand, N; the first one of a connection names its sender and sets the axes.
 pub(super) fn command(arm: &str, force_n: [f64; 3], first: Option<Option<&str>>) -> String {
     let [x, y, z] = force_n.map(|component| if component.is_finite() { component } else { 0.0 });
-    let mut message = json!({
-        "inverse3": [{
-            "device_id": arm,
-            "commands": { "set_cursor_force": { "vector": { "x": x, "y": y, "z": z } } },
-        }],
-    });
-    if let Some(preset) = first {
+    let commands = json!({ "set_cursor_force": { "vector": { "x": x, "y": y, "z": z } } });
+    let mut arm = json!({ "device_id": arm, "commands": commands });
+    if let Some(Some(preset)) = first {
+        arm["configure"] = json!({ "preset": { "preset": preset } });
+    }
+    let mut message = json!({ "inverse3": [arm] });
+    if first.is_some() {
         message["session"] = json!({ "configure": { "profile": { "name": "haptograph" } } });
-        if let (Some(preset), Some(arm)) =
-            (preset, message.pointer_mut("/inverse3/0").and_then(Value::as_object_mut))
-        {
-            arm.insert("configure".to_owned(), json!({ "preset": { "preset": preset } }));
-        }
     }
     message.to_string()
 }
@@ -220,13 +225,17 @@ mod tests {
     fn an_arm_that_is_absent_or_not_calibrated_has_no_position() {
         let text = state(PLACE, "", "");
         assert_eq!(State::parse(&text).unwrap().read("04BA", None).unwrap(), Reading::Absent);
-        for status in [r#"{"calibrated": false, "ready": true}"#, r#"{"calibrated": true, "ready": false}"#] {
+        let stating = |status: &str| {
             let text = text.replace(r#""state""#, &format!(r#""status": {status}, "state""#));
-            assert_eq!(State::parse(&text).unwrap().is_ready("049D"), Some(false), "{status}");
+            State::parse(&text).unwrap().status("049D")
+        };
+        for status in [r#"{"calibrated": false, "ready": true}"#, r#"{"calibrated": true, "ready": false}"#] {
+            assert!(!stating(status).is_ready(), "{status}");
         }
-        let calibrated = text.replace(r#""state""#, r#""status": {"calibrated": true}, "state""#);
-        assert_eq!(State::parse(&calibrated).unwrap().is_ready("049D"), Some(true));
-        assert_eq!(State::parse(&text).unwrap().is_ready("049D"), None);
+        let ready = stating(r#"{"ready": true}"#);
+        let uncalibrated = ready.then(stating(r#"{"calibrated": false}"#));
+        assert!(ready.is_ready() && !uncalibrated.is_ready() && !uncalibrated.then(ready).is_ready());
+        assert!(!stating("{}").is_ready() && ready.then(stating("{}")).is_ready());
         assert!(matches!(State::parse("{\"session\": {}}"), Err(Count::Malformed)), "no state");
     }
 
@@ -261,7 +270,7 @@ mod tests {
 
     #[test]
     fn commands_are_as_the_service_documents_them() {
-        let parsed = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+        let parsed = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap();
         let vector = json!({ "set_cursor_force": { "vector": { "x": 1.5, "y": 0.0, "z": -0.25 } } });
         let plain = parsed(&command("049D", [1.5, f64::NAN, -0.25], None));
         assert_eq!(plain, json!({ "inverse3": [{ "device_id": "049D", "commands": vector }] }));

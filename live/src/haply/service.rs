@@ -75,8 +75,9 @@ impl Service {
         self.0.send(Message::text(message)).is_ok()
     }
 
-    /// Waits a moment for a message, and takes what else is there: the last state, or else the last message.
-    pub(super) fn latest(&mut self) -> Received {
+    /// Waits a moment for a message, and takes what else is there: the last state, or else the first message. Others that are none of
+    /// the service's are counted.
+    pub(super) fn latest(&mut self, count: impl Fn(Count)) -> Received {
         let mut latest = self.receive();
         for _ in 0..AHEAD {
             if !matches!(latest, Received::State(_)) || self.0.get_ref().set_nonblocking(true).is_err() {
@@ -90,7 +91,7 @@ impl Service {
                 Received::Nothing => break,
                 Received::Lost(what) => return Received::Lost(what),
                 Received::State(_) => latest = next,
-                Received::Refused(_) => {}
+                Received::Refused(what) => count(what),
             }
         }
         latest
