@@ -387,6 +387,53 @@ fn an_endpoint_that_both_graphs_have_is_one_and_any_other_is_the_new_graphs() {
 }
 
 #[test]
+fn an_endpoint_that_comes_back_forgets_what_was_queued_meanwhile() {
+    let (first, other) = (with_arms(&[]), with_arms(&["hand"]));
+    let mut force = first.input::<Scalar>("hand.force").expect("a force");
+    let options = SessionOptions::default().probe("level.output");
+    let (mut player, mut session) = Player::open(&first, &options).expect("plays");
+    force.set(1.0).expect("room");
+    player.process(480);
+    session.change_and_probe(&other, None, &[]).expect("it takes over");
+    player.process(4800);
+    force.set(5.0).expect("room");
+    player.process(480);
+    session.change_and_probe(&first, None, &["level.output".to_owned()]).expect("it takes over");
+    player.process(4800);
+    assert_eq!(force.waiting(), 0);
+    let mut level = session.probe::<Scalar>("level.output").expect("a probe");
+    assert!(std::iter::from_fn(|| level.take()).all(|force_n| force_n != 5.0));
+    force.set(2.0).expect("room");
+    player.process(480);
+    assert_eq!(std::iter::from_fn(|| level.take()).last(), Some(2.0));
+}
+
+#[test]
+fn a_channel_of_another_quantity_is_another_endpoint() {
+    let graph = |quantity: &str| {
+        let vector = Part::new("LiveVector").on("servo").set("endpoint", "tip").set("quantity", quantity);
+        let document = Builder::new("").driver("servo", 1000.0).node("tip", vector).build();
+        let document = document.unwrap_or_else(|wrong| panic!("{wrong}"));
+        check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
+            .unwrap_or_else(|wrong| panic!("{wrong}"))
+    };
+    let (length, force) = (graph("length"), graph("force"));
+    let mut metres = length.input::<Vector>("tip").expect("a vector");
+    let (mut player, mut session) = Player::open(&length, &SessionOptions::default()).expect("plays");
+    metres.set([1.0; 3]).expect("room");
+    player.process(10);
+    session.change_and_probe(&force, None, &["tip.value".to_owned()]).expect("it takes over");
+    metres.set([2.0; 3]).expect("a queue that nobody reads");
+    player.process(100);
+    let mut tip = session.probe::<Vector>("tip.value").expect("a probe");
+    assert!(std::iter::from_fn(|| tip.take()).all(|newtons| newtons == [0.0; 3]));
+    let mut newtons = force.input::<Vector>("tip").expect("its own");
+    newtons.set([3.0; 3]).expect("room");
+    player.process(10);
+    assert_eq!(std::iter::from_fn(|| tip.take()).last(), Some([3.0; 3]));
+}
+
+#[test]
 fn a_change_to_what_another_player_runs_is_refused() {
     let (first, second) = (servo(), servo());
     let (mut player, mut session) = Player::open(&first, &SessionOptions::default()).expect("plays");
