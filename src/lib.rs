@@ -9,6 +9,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `command` | [`cli`]: the command line and its server; on by default |
+//! | `live` | [`live`]: live runs with their devices; the other features have it |
 //! | `soundcard` | soundcards; on Linux this needs the headers of ALSA |
 //! | `evdev` | tablets and mice, on Linux |
 //! | `midi` | MIDI; on Linux this needs the headers of ALSA |
@@ -24,6 +25,7 @@ pub mod recorder;
 
 pub use haptograph_engine as engine;
 pub use haptograph_learning as learning;
+#[cfg(feature = "live")]
 pub use haptograph_live as live;
 pub use haptograph_nodes as nodes;
 pub use haptograph_report as report;
