@@ -75,8 +75,8 @@ impl Service {
         self.0.send(Message::text(message)).is_ok()
     }
 
-    /// Waits a moment for a message, and takes what else is there: the last state, or else the first message. Others that are none of
-    /// the service's are counted.
+    /// Waits a moment for a message, and takes what else is there: the last state, or else the first message. `count` is told of
+    /// messages behind a state that cannot be read.
     pub(super) fn latest(&mut self, count: impl Fn(Count)) -> Received {
         let mut latest = self.receive();
         for _ in 0..AHEAD {
