@@ -43,9 +43,10 @@ haptograph_engine::settings! {
 haptograph_engine::node! {
     /// Makes a stable synthesis filter of whatever models it gets, and fades to each from where it is. A new model takes part
     /// from the tick of its arrival on, and alone after `fade_ms`. LSFs that do not ascend are sorted and moved apart; the
-    /// poles of a model that is unstable, or nearly so (a reflection coefficient beyond 0.9999), are moved towards 0 by the largest common
-    /// factor that makes it stable (bandwidth expansion); a negative variance
-    /// and coefficients that are not finite are refused, and the model before stays.
+    /// poles of a model that is unstable, or nearly so (a reflection coefficient beyond 0.9999), are moved towards 0 by the
+    /// largest common factor that makes it stable (bandwidth expansion), and so are those of a filter that is stable but not
+    /// with coefficients rounded to `f64`; a negative variance and coefficients that are not finite are refused, and the
+    /// model before stays.
     pub(crate) struct SteeredModel(SteeredModelSettings) in "texture";
     source: "2.4.1; fades between reflection coefficients, under which a filter stays stable (Gray and Markel 1975)";
     example: r#""steer": SteeredModel(model: "network", form: Lsf)"#;
@@ -76,9 +77,11 @@ const MAX_ORDER: usize = Coefficients::MAX_ORDER;
 /// Least distance of corrected LSFs, rad: between neighbours, from 0 and from pi.
 const LEAST_GAP: f64 = 1e-3;
 /// Steps in which the factor of poles that are moved is found.
-const HALVINGS: usize = 60;
+const HALVINGS: i32 = 60;
 /// Largest reflection coefficient: beyond it a filter rings for seconds.
 const MOST: f64 = 0.9999;
+/// Largest one of a filter whose coefficients were rounded.
+const MOST_ROUNDED: f64 = 0.99995;
 
 /// A filter between which others lie.
 #[derive(Debug, Clone, Copy, Default)]
@@ -116,32 +119,34 @@ fn point_of(form: &ModelForm, model: &Model) -> Option<(Point, bool)> {
             moved
         }
     };
-    if let Some(reflection) = expanded(&coefficients[..order], 1.0) {
-        point.reflection = reflection;
-        return Some((point, corrected));
-    }
-    let (mut stable, mut unstable) = (0.0, 1.0);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (stable + unstable);
-        match expanded(&coefficients[..order], middle) {
-            Some(_) => stable = middle,
-            None => unstable = middle,
-        }
-    }
-    point.reflection = expanded(&coefficients[..order], stable)?;
-    Some((point, true))
+    let factor = stable_factor(&coefficients[..order], MOST);
+    point.reflection = expanded(&coefficients[..order], factor);
+    step_down(&mut point.reflection[..order]).ok()?;
+    Some((point, corrected || factor < 1.0))
 }
 
-/// The reflection coefficients of a polynomial whose roots are multiplied by `factor`, if none is larger than [`MOST`].
-fn expanded(ar: &[f64], factor: f64) -> Option<[f64; MAX_ORDER]> {
-    let mut reflection = [0.0; MAX_ORDER];
-    let mut power = factor;
-    for (k, a) in reflection.iter_mut().zip(ar) {
-        *k = a * power;
+/// The largest factor of a polynomial's roots, up to 1, with which no reflection coefficient is larger than `most`.
+fn stable_factor(ar: &[f64], most: f64) -> f64 {
+    let is_stable = |factor| {
+        let mut reflection = expanded(ar, factor);
+        step_down(&mut reflection[..ar.len()]).is_ok() && reflection.iter().all(|k| k.abs() <= most)
+    };
+    if is_stable(1.0) {
+        return 1.0;
+    }
+    (1..=HALVINGS)
+        .map(|halving| 0.5_f64.powi(halving))
+        .fold(0.0, |stable, step| if is_stable(stable + step) { stable + step } else { stable })
+}
+
+/// A polynomial with its roots multiplied by `factor`.
+fn expanded(ar: &[f64], factor: f64) -> [f64; MAX_ORDER] {
+    let (mut moved, mut power) = ([0.0; MAX_ORDER], factor);
+    for (to, a) in moved.iter_mut().zip(ar) {
+        *to = a * power;
         power *= factor;
     }
-    step_down(&mut reflection[..ar.len()]).ok()?;
-    reflection.iter().all(|k| k.abs() <= MOST).then_some(reflection)
+    moved
 }
 
 /// Sorts LSFs and moves them apart, if they do not ascend; returns whether they were changed.
@@ -203,6 +208,7 @@ impl Steering {
         let Point { deviation, reflection: mut ar } = self.now();
         let order = ar.iter().rposition(|k| *k != 0.0).map_or(0, |last| last + 1);
         step_up(&mut ar[..order]);
+        ar = expanded(&ar[..order], stable_factor(&ar[..order], MOST_ROUNDED));
         let (variance, warping) = (deviation * deviation, self.warping);
         Coefficients { ar: &ar[..order], ma: &[], gain: 1.0, variance, warping }.write(components);
     }
@@ -305,6 +311,8 @@ mod tests {
     }
 
     proptest! {
+        // One in some thousands is stable, but not with its coefficients rounded.
+        #![proptest_config(ProptestConfig::with_cases(5000))]
         #[test]
         fn every_filter_is_stable_whatever_comes(
             lsf in any::<bool>(),
@@ -321,7 +329,7 @@ mod tests {
             let (filters, counts) = run(if lsf { ModelForm::Lsf } else { ModelForm::Ar }, &models);
             for (mut ar, variance) in filters {
                 prop_assert!(variance.is_finite() && variance >= 0.0);
-                prop_assert!(step_down(&mut ar).is_ok() && ar.iter().all(|k| k.abs() < 0.99995), "{ar:?}");
+                prop_assert!(step_down(&mut ar).is_ok() && ar.iter().all(|k| k.abs() <= MOST_ROUNDED), "{ar:?}");
             }
             prop_assert_eq!(counts[0], 0.0);
         }
