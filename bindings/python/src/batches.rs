@@ -29,14 +29,9 @@ pub(crate) fn batch<'py>(
         let stop = &progress.stop;
         library::render(&batch, &folder, &settings, &|part| progress.at(part), stop).map_err(Failure::of)
     })?;
-    let found = PyDict::new(py);
-    found.set_item("chunks", done.chunks)?;
-    found.set_item("rendered", done.rendered)?;
-    found.set_item("kept", done.kept)?;
     let replaced: Vec<PathBuf> = done.replaced.into_iter().map(|(path, _)| path).collect();
-    found.set_item("replaced", replaced)?;
-    found.set_item("complete", done.is_complete)?;
-    Ok(found)
+    let (chunks, rendered, kept, complete) = (done.chunks, done.rendered, done.kept, done.is_complete);
+    Ok(dict!(py; chunks: chunks, rendered: rendered, kept: kept, replaced: replaced, complete: complete))
 }
 
 /// Merges parts into one folder; returns the numbers of chunks and jobs. Ctrl-C ends it; a later call continues there.

@@ -77,11 +77,6 @@ pub(crate) fn identify<'py>(
         let (current_a, acceleration_m_s2) = (&current, &acceleration);
         fit(&Sweep { current_a, acceleration_m_s2, rate_hz: rate, band_hz: band }, known).map_err(Failure::of)
     })?;
-    let told = PyDict::new(py);
-    told.set_item("resonances", found.modes.map(|mode| (mode.frequency_hz, mode.q)).to_vec())?;
-    told.set_item("gain", found.response.gain)?;
-    told.set_item("delay", found.delay_s)?;
-    told.set_item("unexplained", found.unexplained)?;
     let parameters = found.parameters.map(|model| {
         let model = TwoMassSettings::from(model);
         let named = [
@@ -95,6 +90,7 @@ pub(crate) fn identify<'py>(
         ];
         named.to_vec()
     });
-    told.set_item("parameters", parameters)?;
-    Ok(told)
+    let resonances = found.modes.map(|mode| (mode.frequency_hz, mode.q)).to_vec();
+    Ok(dict!(py; resonances: resonances, gain: found.response.gain, delay: found.delay_s,
+        unexplained: found.unexplained, parameters: parameters))
 }

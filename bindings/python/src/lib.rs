@@ -3,6 +3,15 @@
 
 #![warn(unreachable_pub)]
 
+/// A dictionary: `dict!(py; name: value, other: value)`.
+macro_rules! dict {
+    ($py:expr; $($name:ident: $value:expr),+) => {{
+        let told = pyo3::types::PyDict::new($py);
+        $(told.set_item(stringify!($name), $value)?;)+
+        told
+    }};
+}
+
 mod batches;
 mod errors;
 mod evaluation;
@@ -26,7 +35,7 @@ mod _native {
     #[pymodule_export]
     use crate::graphs::Graph;
     #[pymodule_export]
-    use crate::making::{make, warped_axis};
+    use crate::making::{lsf, make, warped_axis};
     #[pymodule_export]
     use crate::patterns::export;
     #[pymodule_export]

@@ -6,6 +6,7 @@ use crate::work::apart;
 use haptograph::signal::warped::unwarp;
 use haptograph::surfaces::hull::Hull;
 use haptograph::surfaces::layers::Clips;
+use haptograph::surfaces::lsf::ar_to_lsf;
 use haptograph::surfaces::model::warping_for;
 use haptograph::surfaces::provenance::LICENCE;
 use haptograph::surfaces::taps::Tap;
@@ -35,6 +36,8 @@ pub(crate) struct Parts {
     #[pyo3(item)]
     range: (Option<f64>, Option<f64>),
     #[pyo3(item)]
+    highpass: Option<f64>,
+    #[pyo3(item)]
     excitation: Option<Vec<f64>>,
     #[pyo3(item)]
     taps_rate: f64,
@@ -44,10 +47,9 @@ pub(crate) struct Parts {
     /// Friction coefficient and stiffness, N/m.
     #[pyo3(item)]
     resistance: (Option<f64>, Option<f64>),
+    /// Where the numbers are from, and the licence of a recording in them.
     #[pyo3(item)]
-    source: String,
-    #[pyo3(item)]
-    licence: Option<String>,
+    origin: (String, Option<String>),
 }
 
 impl Parts {
@@ -76,14 +78,17 @@ impl Parts {
         let models = self.models.iter().map(|model| self.model(model)).collect::<Result<_, _>>()?;
         let (max_force_n, max_speed_m_s) = self.range;
         let hull = Hull { max_speed_m_s, max_force_n, ..Hull::default() };
-        let texture = TextureModel::from_measured(self.rate, models, &hull).map_err(Failure::of)?;
+        let texture = TextureModel::from_measured(self.rate, models, &hull)
+            .and_then(|texture| texture.with_highpass_hz(self.highpass))
+            .map_err(Failure::of)?;
         let clips = self.excitation.as_deref().map(Clips::new).transpose().map_err(Failure::of)?;
         Ok(Some(texture.with_clips(clips)))
     }
 
     fn surface(self, name: String) -> Result<Whole, Failure> {
-        let mut provenance = Provenance::new(Origin::Procedural, self.source.clone());
-        if let Some(licence) = &self.licence {
+        let (source, licence) = &self.origin;
+        let mut provenance = Provenance::new(Origin::Procedural, source.clone());
+        if let Some(licence) = licence {
             provenance = provenance.with_setting(LICENCE, licence);
         }
         let mut surface = Whole::new(name, provenance);
@@ -105,6 +110,14 @@ impl Parts {
 #[pyfunction]
 pub(crate) fn make(py: Python<'_>, name: String, parts: Parts) -> PyResult<Surface> {
     apart(py, (None, false), move |_| parts.surface(name)).map(Surface::of)
+}
+
+/// The line spectral frequencies of a stable polynomial, rad.
+#[pyfunction]
+pub(crate) fn lsf(py: Python<'_>, ar: Vec<f64>) -> PyResult<Bound<'_, PyArray1<f64>>> {
+    let mut lsf = vec![0.0; ar.len()];
+    ar_to_lsf(&ar, &mut lsf).map_err(|error| Failure::of(error).raise(py))?;
+    Ok(PyArray1::from_vec(py, lsf))
 }
 
 /// The warping factor for a rate, and the edges of cells of the warped axis, Hz.

@@ -27,18 +27,11 @@ pub(crate) fn export<'py>(
         Ok(write_atomically(&path, text.as_bytes()).map(|()| loss))
     })?;
     let Loss { format, bytes, points, taps, full_scale, unit, envelope_db, lsd_db, bands, lost } = written?;
-    let told = PyDict::new(py);
-    told.set_item("format", format)?;
-    told.set_item("bytes", bytes)?;
-    told.set_item("points", points)?;
-    told.set_item("taps", taps)?;
-    told.set_item("full_scale", full_scale)?;
-    told.set_item("unit", unit)?;
-    told.set_item("envelope", envelope_db)?;
-    told.set_item("lsd", lsd_db)?;
-    told.set_item("lost", lost)?;
     let level = |db: Option<f64>| db.unwrap_or(f64::NEG_INFINITY);
     let row = |band: &BandLevels| (band.centre_hz, level(band.before_db), level(band.after_db));
-    told.set_item("bands", bands.iter().map(row).collect::<Vec<_>>())?;
-    Ok(told)
+    let bands: Vec<_> = bands.iter().map(row).collect();
+    Ok(
+        dict!(py; format: format, bytes: bytes, points: points, taps: taps, full_scale: full_scale, unit: unit,
+        envelope: envelope_db, lsd: lsd_db, lost: lost, bands: bands),
+    )
 }

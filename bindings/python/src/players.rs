@@ -4,6 +4,7 @@ use crate::errors::Failure;
 use crate::runs::{Told, drain};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::{AnyInput, AnyOutput, Full, HostFrame};
+use haptograph::engine::node::OfflineOnly;
 use haptograph::engine::run::{Player as Engine, PlayerState, Session, SessionOptions};
 use haptograph::nodes::texture::Model;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -38,9 +39,14 @@ impl Player {
         folder: Option<PathBuf>,
         rested: bool,
     ) -> Result<Self, Failure> {
+        if let Some(script) = graph.scripted_nodes().next() {
+            let (node, kind) = (script.path.clone(), script.entry.spec.name);
+            return Err(Failure::of(OfflineOnly { node, kind }));
+        }
         let mut options = SessionOptions::default();
         options.probes = probes.to_vec();
         options.folder = folder;
+        options.offline = true;
         options.rested = rested;
         let (player, mut session) = Engine::open(graph, &options).map_err(Failure::of)?;
         let inputs = graph.host_inputs().map(|(name, _)| graph.any_input(&name));
@@ -84,21 +90,31 @@ impl Inside {
     /// Sets the frame of an input from the next tick or from a time on.
     fn set(&mut self, name: &str, frame: &[f64], at: Option<f64>) -> Result<(), Failure> {
         let input = self.input(name)?;
-        // A model has as many coefficients as its program gives.
-        let mut model = [0.0; Model::WIDTH];
-        let frame = match (input.kind() == <Model as HostFrame>::KIND, model.get_mut(..frame.len())) {
-            (true, Some(given)) => {
-                given.copy_from_slice(frame);
-                &model
-            }
-            _ => frame,
-        };
-        let put = match at {
+        let done = put(input, frame, |input, frame| match at {
             Some(seconds) => input.set_at(seconds, frame),
             None => input.set(frame),
-        };
-        put.map_err(|error| refused(input, error))
+        });
+        done.map_err(|error| refused(input, error))
     }
+}
+
+/// True if a frame of `width` numbers is a model, which has as many coefficients as its program gives.
+pub(crate) fn is_model(input: &AnyInput, width: usize) -> bool {
+    input.kind() == <Model as HostFrame>::KIND && (1..=Model::WIDTH).contains(&width)
+}
+
+/// Gives a frame to an input by `give`; the coefficients that a model does not have are 0.
+pub(crate) fn put(
+    input: &mut AnyInput,
+    frame: &[f64],
+    give: impl FnOnce(&mut AnyInput, &[f64]) -> Result<(), Full>,
+) -> Result<(), Full> {
+    if !is_model(input, frame.len()) {
+        return give(input, frame);
+    }
+    let mut model = [0.0; Model::WIDTH];
+    model[..frame.len()].copy_from_slice(frame);
+    give(input, &model)
 }
 
 fn refused(input: &AnyInput, error: Full) -> Failure {
@@ -154,7 +170,7 @@ impl Player {
             let input = inside.input(name)?;
             for (number, frame) in frames.rows().into_iter().enumerate() {
                 let frame: Vec<f64> = frame.iter().copied().collect();
-                match input.push(&frame) {
+                match put(input, &frame, AnyInput::push) {
                     Ok(()) => {}
                     Err(Full::Full) => return Ok(number),
                     Err(error) => return Err(refused(input, error)),

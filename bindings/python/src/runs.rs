@@ -8,6 +8,7 @@ use crate::work::Progress;
 use haptograph::engine::frame::Kind;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::AnyOutput;
+use haptograph::engine::limiter::ClipCounts;
 use haptograph::engine::node::{FrameWriter, Stream};
 use haptograph::engine::run::{FileSinks, Outcome, Probe, Session, SessionOptions};
 use haptograph::report::record::{watch, watched};
@@ -100,14 +101,9 @@ impl Signal {
     pub(crate) fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let width = self.kind.width();
         let frames = self.frames.len() / width;
-        let shown = PyDict::new(py);
-        shown.set_item("name", self.name)?;
-        shown.set_item("kind", self.kind.to_string())?;
-        shown.set_item("components", self.kind.spec().components)?;
-        shown.set_item("quantity", self.quantity.name())?;
-        shown.set_item("unit", self.quantity.unit())?;
-        shown.set_item("rate", self.rate_hz)?;
-        shown.set_item("simulated", self.simulated)?;
+        let (kind, quantity) = (self.kind, self.quantity);
+        let shown = dict!(py; name: self.name, kind: kind.to_string(), components: kind.spec().components,
+            quantity: quantity.name(), unit: quantity.unit(), rate: self.rate_hz, simulated: self.simulated);
         let values = PyArray1::from_vec(py, self.frames);
         match width {
             1 => shown.set_item("values", values)?,
@@ -124,24 +120,18 @@ pub(crate) trait Told {
 
 impl Told for Outcome {
     fn into_python(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-        let told = PyDict::new(py);
-        told.set_item("frames", self.driver_frames)?;
-        told.set_item("seconds", self.seconds)?;
-        told.set_item("not_finite_ticks", self.faults.ticks)?;
-        told.set_item("not_finite_node", self.faults.origin.as_deref())?;
         let limited = PyDict::new(py);
         for actuator in &self.actuators {
-            let clipped = &actuator.clipped;
-            let counts = PyDict::new(py);
-            counts.set_item("ticks", clipped.ticks)?;
-            counts.set_item("peak", clipped.peak)?;
-            counts.set_item("continuous", clipped.continuous)?;
-            counts.set_item("slew", clipped.slew)?;
-            counts.set_item("not_finite", clipped.fault)?;
+            let ClipCounts { ticks, peak, continuous, slew, fault, .. } = actuator.clipped;
+            let counts =
+                dict!(py; ticks: ticks, peak: peak, continuous: continuous, slew: slew, not_finite: fault);
             limited.set_item(&actuator.path, counts)?;
         }
-        told.set_item("limited", limited)?;
-        Ok(told)
+        let (ticks, node) = (self.faults.ticks, self.faults.origin.as_deref());
+        Ok(
+            dict!(py; frames: self.driver_frames, seconds: self.seconds, not_finite_ticks: ticks, not_finite_node: node,
+            limited: limited),
+        )
     }
 }
 

@@ -183,14 +183,9 @@ impl Surface {
         let segments = report.texture.iter().flat_map(|texture| &texture.segments);
         let segments: Vec<_> = segments.filter(|segment| segment.fate == Fate::Kept).cloned().collect();
         let covered = library::coverage(&segments, texture.rate_hz());
-        let found = PyDict::new(py);
-        found.set_item("seconds", covered.used_s)?;
-        found.set_item("segments", covered.segments)?;
-        found.set_item("areas", 9 - covered.missing().len())?;
-        found.set_item("record_next", covered.next_to_record())?;
-        found.set_item("is_short", covered.is_short())?;
-        found.set_item("narrow_band", report.band.map(|band| band.to_string()))?;
-        Ok(Some(found))
+        let (areas, band) = (9 - covered.missing().len(), report.band.map(|band| band.to_string()));
+        Ok(Some(dict!(py; seconds: covered.used_s, segments: covered.segments, areas: areas,
+            record_next: covered.next_to_record(), is_short: covered.is_short(), narrow_band: band)))
     }
 
     /// Samples per second of the texture.
@@ -223,16 +218,10 @@ impl Surface {
         let texture = self.texture(py)?;
         let mut coefficients = Coefficients::SILENCE;
         let spot = Interpolator::new(texture).interpolate(speed, force, &mut coefficients);
-        let found = PyDict::new(py);
-        found.set_item("ar", PyArray1::from_slice(py, coefficients.ar()))?;
-        found.set_item("ma", PyArray1::from_slice(py, coefficients.ma()))?;
-        found.set_item("gain", coefficients.gain)?;
-        found.set_item("variance", coefficients.variance)?;
-        found.set_item("warping", coefficients.warping)?;
-        found.set_item("speed", spot.speed_m_s)?;
-        found.set_item("force", spot.force_n)?;
-        found.set_item("rate", texture.rate_hz())?;
-        Ok(found)
+        let [ar, ma] =
+            [coefficients.ar(), coefficients.ma()].map(|numbers| PyArray1::from_slice(py, numbers));
+        Ok(dict!(py; ar: ar, ma: ma, gain: coefficients.gain, variance: coefficients.variance,
+            warping: coefficients.warping, speed: spot.speed_m_s, force: spot.force_n, rate: texture.rate_hz()))
     }
 
     /// The density of the model at a force and a speed at these frequencies, (m/s²)²/Hz.

@@ -124,6 +124,20 @@ def test_a_players_settings_turn_while_it_runs(pad):
         player.process(1)
 
 
+COUNTED = """Graph(format: 1, clocks: {"s": Driver(rate_hz: 10000)}, endpoints: {"program": {"e": Host()}}, nodes: {
+    "n": LiveInput(clock: "s", endpoint: "e", quantity: "force"), "file": CsvSink(inputs: ["n"], file: "n.csv")})"""
+
+
+def test_a_run_waits_for_its_files(tmp_path):
+    count = np.arange(1.0, 200_001)
+    graph = hg.Graph.parse(COUNTED, endpoints="program")
+    graph.run(inputs={"e.value": count}, folder=tmp_path / "run")
+    with graph.player(folder=tmp_path) as player:
+        player.process(200_000, {"e.value": 7.0})
+    for file, expected in (("run/n.csv", count), ("n.csv", np.full(200_000, 7.0))):
+        assert np.array_equal(np.loadtxt(tmp_path / file, delimiter=",", skiprows=1)[:, 1], expected)
+
+
 def test_files_go_to_a_folder_and_replace_nothing(pad, tmp_path):
     pad.run(0.1, folder=tmp_path / "new")
     assert (tmp_path / "new/current.wav").stat().st_size > 4800
@@ -281,3 +295,8 @@ def test_a_model_of_its_program_steers_the_filter(graphs):
         assert player.process(500)["steer.refused"][-1] == 1
         with pytest.raises(hg.Error, match="32 coefficients"):
             player.process(1, {"network.model": np.ones(40)})
+    models = np.tile([4.0, *lsf], (500, 1))
+    steered = graph.run(1, inputs={"network.model": models}, probes=["filter", "steer.refused"])
+    assert np.std(steered["filter"]) == pytest.approx(2, rel=0.1)
+    with pytest.raises(hg.Error, match="not 40"):
+        graph.run(1, inputs={"network.model": np.ones((500, 40))})

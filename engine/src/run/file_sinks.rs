@@ -86,6 +86,11 @@ impl<'a> FileSinks<'a> {
         sinks.try_for_each(|(node, sink)| self.open_file(node, sink, folder))
     }
 
+    /// True if the frames of a tap are for a file.
+    pub(super) fn is_written(&self, tap: usize) -> bool {
+        self.written.iter().any(|written| written.writer.is_some() && written.taps.contains(&tap))
+    }
+
     /// Removes the opened files: the change of graph failed.
     pub(super) fn take_back(self) {
         for written in self.written {

@@ -1,7 +1,7 @@
 //! Tap rings carry tapped frames from the real-time half to the writer of the files.
 
 use super::Run;
-use super::file_sinks::{WriteError, WrittenFile};
+use super::file_sinks::{FileSinks, WriteError, WrittenFile};
 use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
@@ -28,42 +28,48 @@ pub(super) struct TapRings {
 struct TapRing {
     /// `None` while the old plan has it.
     ring: Option<Producer<f64>>,
+    /// True if a full ring is waited for.
+    waits: bool,
     /// Numbers lost because the ring was full.
     lost: u64,
 }
 
 impl TapRings {
-    /// Makes rings of `ring_s` seconds and a block for the taps of a plan for which `wanted` is true; a swap brings the
-    /// others.
+    /// Makes rings for the taps of a plan, except `kept` ones of the old plan, which a swap brings. Puts their read ends into
+    /// `outs` by tap index.
     pub(super) fn new(
         plan: &Plan,
-        ring_s: f64,
-        wanted: impl Fn(usize) -> bool,
-    ) -> (Self, Vec<Option<Consumer<f64>>>) {
-        let (mut taps, mut outs) = (Vec::new(), Vec::new());
-        for (place, stream) in plan.tap_streams().enumerate() {
-            let (ring, out) = wanted(place)
-                .then(|| {
-                    // A multiple of the frame size: a frame never wraps around.
-                    let block_s = plan.block() as f64 / plan.driver_rate().hz();
-                    let frames = ((ring_s + block_s) * stream.rate.hz()).ceil() as usize + 1;
-                    touched_ring(frames * stream.kind.width())
-                })
-                .unzip();
-            taps.push(TapRing { ring, lost: 0 });
-            outs.push(out);
+        (writer, sinks): (&Writer, &FileSinks<'_>),
+        kept: Vec<(usize, usize)>,
+        outs: &mut [Option<Consumer<f64>>],
+    ) -> Self {
+        let mut taps = Vec::new();
+        for (place, (stream, tap)) in plan.tap_streams().zip(&plan.tap_places).enumerate() {
+            let wanted = kept.iter().all(|(_, new)| *new != place);
+            let ring = wanted.then(|| {
+                // A multiple of the frame size: a frame never wraps around.
+                let block_s = plan.block() as f64 / plan.driver_rate().hz();
+                let frames = ((writer.ring_s() + block_s) * stream.rate.hz()).ceil() as usize + 1;
+                let (ring, out) = touched_ring(frames * stream.kind.width());
+                outs[*tap] = Some(out);
+                ring
+            });
+            taps.push(TapRing { ring, waits: writer.waits() && sinks.is_written(*tap), lost: 0 });
         }
-        let kept = Vec::new();
-        (Self { taps, kept }, outs)
+        Self { taps, kept }
     }
 
-    /// Pushes the frames of the last block. A block that does not fit is lost and counted.
+    /// Pushes the frames of the last block. A block that does not fit is waited for, or lost and counted.
     pub(super) fn send(&mut self, run: &Run) {
         for (place, tap) in self.taps.iter_mut().enumerate() {
             let frames = run.tap(place);
             let Some(ring) = &mut tap.ring else { continue };
-            if ring.push_entire_slice(frames).is_err() {
-                tap.lost += frames.len() as u64;
+            while ring.push_entire_slice(frames).is_err() {
+                if !tap.waits || ring.is_abandoned() {
+                    tap.lost += frames.len() as u64;
+                    break;
+                }
+                std::thread::sleep(PAUSE);
             }
         }
     }
@@ -84,8 +90,9 @@ impl TapRings {
 
 /// The writer of a session's files.
 pub(super) enum Writer {
-    /// A thread, which starts with the first file, and the files for which none could be started.
-    Thread(Option<RunningWriter>, Vec<WriteError>),
+    /// A thread, which starts with the first file, the files for which none could be started, and whether the run waits for
+    /// it.
+    Thread(Option<RunningWriter>, Vec<WriteError>, bool),
     /// The caller, after every block.
     Caller(Vec<Job>),
 }
@@ -115,9 +122,9 @@ impl RunningWriter {
 }
 
 impl Writer {
-    /// A thread writes.
-    pub(super) fn of_a_thread() -> Self {
-        Self::Thread(None, Vec::new())
+    /// A thread writes; `is_waited_for`: where it is too slow, the run waits and loses nothing.
+    pub(super) fn of_a_thread(is_waited_for: bool) -> Self {
+        Self::Thread(None, Vec::new(), is_waited_for)
     }
 
     /// The caller writes.
@@ -126,11 +133,16 @@ impl Writer {
     }
 
     /// Capacity of the rings of its files, s.
-    pub(super) fn ring_s(&self) -> f64 {
+    fn ring_s(&self) -> f64 {
         match self {
             Self::Thread(..) => RING_S,
             Self::Caller(_) => 0.0,
         }
+    }
+
+    /// True if full rings are waited for.
+    fn waits(&self) -> bool {
+        matches!(self, Self::Thread(.., true))
     }
 
     /// Starts the thread, if there is one and it does not run.
@@ -138,7 +150,7 @@ impl Writer {
     /// # Errors
     /// System errors if no thread can be started.
     pub(super) fn start(&mut self) -> std::io::Result<()> {
-        if let Self::Thread(running @ None, _) = self {
+        if let Self::Thread(running @ None, ..) = self {
             *running = Some(RunningWriter::start()?);
         }
         Ok(())
@@ -147,7 +159,7 @@ impl Writer {
     /// Messages about files that failed since the last call.
     pub(super) fn failing(&self) -> impl Iterator<Item = String> {
         let running = match self {
-            Self::Thread(running, _) => running.as_ref(),
+            Self::Thread(running, ..) => running.as_ref(),
             Self::Caller(_) => None,
         };
         running.into_iter().flat_map(|running| running.failing.try_iter())
@@ -159,8 +171,8 @@ impl Writer {
         let job = Job { writer: written.writer, what: written.what, rings, failed: None };
         match (self, started) {
             (Self::Caller(jobs), _) => jobs.push(job),
-            (Self::Thread(_, failed), Err(error)) => failed.push(WriteError { path: job.what, error }),
-            (Self::Thread(running, _), Ok(())) => {
+            (Self::Thread(_, failed, _), Err(error)) => failed.push(WriteError { path: job.what, error }),
+            (Self::Thread(running, ..), Ok(())) => {
                 // Cannot fail: the thread receives until this end is dropped.
                 if let Some(running) = running {
                     let _ = running.jobs.send(job);
@@ -188,8 +200,8 @@ impl Writer {
     pub(super) fn finish(self) -> Vec<WriteError> {
         match self {
             Self::Caller(mut jobs) => jobs.iter_mut().filter_map(Job::finish).collect(),
-            Self::Thread(None, failed) => failed,
-            Self::Thread(Some(RunningWriter { jobs, thread, .. }), mut failed) => {
+            Self::Thread(None, failed, _) => failed,
+            Self::Thread(Some(RunningWriter { jobs, thread, .. }), mut failed, _) => {
                 drop(jobs);
                 let written = thread.join().unwrap_or_else(|_| {
                     let error = std::io::Error::other("the thread that writes files panicked");

@@ -34,8 +34,8 @@ pub struct SessionOptions {
     pub seconds: Option<f64>,
     /// True if the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
-    /// True if the caller runs the graph as fast as possible and not in real time. Only then may it have scripted
-    /// nodes.
+    /// True if the caller runs the graph as fast as possible and not in real time. Only then may it have scripted nodes, and
+    /// its calls wait for its files; otherwise frames that are not written within one second are lost, and counted.
     pub offline: bool,
     /// When set, the outputs fade out and the run stops. The real-time sides poll it.
     pub stop: Arc<AtomicBool>,
@@ -209,7 +209,7 @@ impl Session {
         options: &SessionOptions,
         folder: Option<&Path>,
     ) -> std::io::Result<(Vec<Player>, Self)> {
-        let mut writer = Writer::of_a_thread();
+        let mut writer = Writer::of_a_thread(options.offline);
         if folder.is_some() || sinks.written.iter().any(|written| written.writer.is_some()) {
             writer.start()?;
         }
@@ -240,7 +240,7 @@ impl Session {
         let hottest = Arc::default();
         for plan in sinks.planner.plans(&plan_options) {
             let plan = Arc::new(plan);
-            let rings = tap_rings(&plan, writer.ring_s(), Vec::new(), &mut outs);
+            let rings = TapRings::new(&plan, (&writer, &sinks), Vec::new(), &mut outs);
             let (mut player, control) = player_until(Arc::clone(&plan), Arc::clone(&options.stop));
             player.send_taps_through(rings);
             player.share_heat(Arc::clone(&hottest));
@@ -508,22 +508,6 @@ impl Session {
             lost_arrivals,
         }
     }
-}
-
-/// Makes the rings of a plan's taps, except those kept from the old plan. Puts their read ends into `outs` by tap
-/// index.
-fn tap_rings(
-    plan: &Plan,
-    ring_s: f64,
-    kept: Vec<(usize, usize)>,
-    outs: &mut [Option<Consumer<f64>>],
-) -> TapRings {
-    let (mut rings, far) = TapRings::new(plan, ring_s, |place| kept.iter().all(|(_, new)| *new != place));
-    for (place, far) in plan.tap_places.iter().zip(far) {
-        outs[*place] = far;
-    }
-    rings.kept = kept;
-    rings
 }
 
 impl Run {

@@ -2,6 +2,7 @@
 
 use super::{Done, Feed, Signal, Wanted, drain, fits, probes, seconds};
 use crate::errors::Failure;
+use crate::players::{is_model, put};
 use crate::work::Progress;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::{AnyInput, AnyOutput, Full};
@@ -21,7 +22,7 @@ impl<'a> Fed<'a> {
     fn of(graph: &Graph, feed: &'a Feed) -> Result<Self, Failure> {
         let input = graph.any_input(&feed.name).map_err(Failure::of)?;
         let width = input.kind().width();
-        if feed.width != width {
+        if feed.width != width && !is_model(&input, feed.width) {
             return Err(Failure::Message(format!(
                 "a frame of `{}` has {width} components, not {}",
                 feed.name, feed.width
@@ -38,7 +39,7 @@ impl<'a> Fed<'a> {
             let Some(frame) = self.feed.frame(self.given) else {
                 return Ok(());
             };
-            match self.input.push(frame) {
+            match put(&mut self.input, frame, AnyInput::push) {
                 Ok(()) => self.given += 1,
                 Err(Full::Full) => return Ok(()),
                 Err(error) => {

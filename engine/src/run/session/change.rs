@@ -4,8 +4,9 @@ use super::super::RingMeter;
 use super::super::control::{Control, ControlError, Prepared};
 use super::super::file_sinks::{FileSinks, WriteError};
 use super::super::ring_edges::reconnect;
+use super::super::rings::TapRings;
 use super::super::swap::{Change, PlanSwap};
-use super::{Entry, Session, tap_rings};
+use super::{Entry, Session};
 use crate::node::{OfflineOnly, Stream};
 use crate::node_id::NodeId;
 use crate::plan::{Plan, PlanOptions, Planner};
@@ -261,7 +262,7 @@ impl Session {
             let own = kept
                 .iter()
                 .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
-            let rings = tap_rings(&plan, self.writer.ring_s(), own.collect(), &mut outs);
+            let rings = TapRings::new(&plan, (&self.writer, sinks), own.collect(), &mut outs);
             self.check_devices(control, &plan)?;
             plan.keep_inputs(control.plan());
             let mut prepared = control.prepare(Arc::new(plan), rings)?;
