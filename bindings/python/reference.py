@@ -86,13 +86,12 @@ def of_class(node: ast.ClassDef) -> list[str]:
     """A class with its public members."""
     parts = [f"## hg.{node.name}\n", prose(ast.get_docstring(node) or "")]
     for member in node.body:
-        if not isinstance(member, ast.FunctionDef) or member.name.startswith("_"):
-            continue
-        doc = ast.get_docstring(member)
-        if doc is None:
+        doc = ast.get_docstring(member) if isinstance(member, ast.FunctionDef) else None
+        if doc is None or (member.name.startswith("_") and member.name != "__init__"):
             continue
         title = member.name if is_property(member) else signature(member.name, member, is_method=True)
-        parts += [f"### `{node.name}.{title}`\n", prose(doc)]
+        title = f"hg.{node.name}{title.removeprefix('__init__')}" if member.name == "__init__" else f"{node.name}.{title}"
+        parts += [f"### `{title}`\n", prose(doc)]
     return parts
 
 

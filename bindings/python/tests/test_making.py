@@ -50,11 +50,24 @@ def test_line_spectral_frequencies_and_a_function_make_the_same_surface(made):
     function = hg.Surface.from_function(
         lambda force, speed: (resonance(80 + 400 * speed), 0.2 * force), [0.5, 1, 2], [0.05, 0.1, 0.2], RATE
     )
+    assert np.allclose(other.at(1, 0.1).lsf, lsf(resonance(120)), atol=1e-9)
     for surface in (other, function):
         for force, speed in [(1, 0.1), (0.7, 0.13), (1.9, 0.06)]:
             one, two = made.at(force, speed), surface.at(force, speed)
             assert np.allclose(one.ar, two.ar, atol=1e-9)
             assert one.variance == pytest.approx(two.variance)
+
+
+def test_a_highpass_that_was_taken_off_is_applied_to_what_is_rendered(made):
+    models = [(f, v, resonance(80 + 400 * v), 0.2 * f) for f, v in PLACES]
+    filtered = hg.Surface(models, rate=RATE, highpass=60, name="net")
+    power = [np.abs(np.fft.rfft(each.render(1.0, 0.1, seconds=60, seed=1))) ** 2 for each in (made, filtered)]
+    hertz = np.linspace(0, RATE / 2, len(power[0]))
+    for low, high, ratio in ((0, 10, 0.01), (200, 450, 1.0)):
+        within = (hertz > low) & (hertz < high)
+        assert power[1][within].sum() == pytest.approx(ratio * power[0][within].sum(), rel=0.05, abs=0.01 * power[0][within].sum())
+    with pytest.raises(hg.Error, match="high-pass"):
+        hg.Surface(models, rate=RATE, highpass=400)
 
 
 def density(hz, force):

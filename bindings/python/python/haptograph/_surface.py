@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -183,7 +183,12 @@ class Model(Content):
     force: float
     speed: float
     rate: float
-    _surface: Surface
+    _surface: Surface = field(repr=False)
+
+    @property
+    def lsf(self) -> np.ndarray:
+        """The line spectral frequencies of `ar`, rad on its axis (of `warping`), ascending."""
+        return _native.lsf(self.ar.tolist())
 
     def __post_init__(self) -> None:
         for coefficients in (self.ar, self.ma):
@@ -272,7 +277,7 @@ def _cells(model: Any, edges: np.ndarray) -> np.ndarray:
 def _made(
     form: str, models: list[Any], rate: Any, name: str, parts: dict[str, Any], order: int = 0
 ) -> _native.Surface:
-    known = ("warping", "max_force", "max_speed", "excitation", "taps", "taps_rate", "friction", "stiffness", "source", "licence")
+    known = ("warping", "highpass", "max_force", "max_speed", "excitation", "taps", "taps_rate", "friction", "stiffness", "source", "licence")
     for part in parts:
         if part not in known:
             raise Error(f"a surface has no part `{part}`: it has {', '.join(known)}")
@@ -302,13 +307,13 @@ def _made(
         "models": models,
         "rate": 0.0 if rate is None else number("rate", rate, 0, above=True),
         "warping": number("warping", parts.get("warping") or 0, 0),
+        "highpass": positive("highpass"),
         "range": (positive("max_force"), positive("max_speed")),
         "excitation": None if excitation is None else line("excitation", excitation).tolist(),
         "taps_rate": taps_rate or 0.0,
         "taps": taps,
         "resistance": (positive("friction"), positive("stiffness")),
-        "source": text("source") or "models given in Python",
-        "licence": text("licence"),
+        "origin": (text("source") or "models given in Python", text("licence")),
     }
     return _native.make(string("name", name), given)
 
@@ -339,6 +344,9 @@ class Surface(Content):
             Name of the material.
         warping : float
             Factor of the warped axis on which the coefficients are; 0, the default, is the usual one.
+        highpass : float, optional
+            Cutoff in Hz, below a quarter of the rate, of a high-pass that was taken off before the models were fitted, as
+            `learn` does at 20 Hz: it is applied to the rendered vibration.
         max_force, max_speed : float, optional
             Largest force and speed that it renders, by default those of the models. Beyond the models the nearest is used.
         excitation : array_like, optional
