@@ -66,14 +66,15 @@ export const until = (page, look, given = null, timeout = PATIENCE_MS) => page.w
 export const picture = async (page, name) => folder && page.screenshot({ path: `${folder}/${name}.png` });
 
 export const tests = [];
-export const test = (name, run) => tests.push([name, run]);
+export const test = (name, run, lane = "page") => tests.push([name, run, lane]);
 // Of a page that shares its engine with others.
 export const serverTest = (name, run) => served || test(name, run);
 export const siteTest = (name, run) => served && test(name, run);
-// Of a studio that the scenario opens itself.
-export const programTest = (name, run) => {
+// Of a studio that the scenario opens itself. One that mostly waits, and measures nothing, runs beside the others.
+export const besideTest = (name, run) => programTest(name, run, "beside");
+export const programTest = (name, run, lane = "own") => {
     if (served) return;
-    if (existsSync(PROGRAM)) test(name, run);
+    if (existsSync(PROGRAM)) test(name, run, lane);
     else console.log(`skipped ${name}: there is no ${PROGRAM}`);
 };
 
@@ -287,15 +288,24 @@ export async function runAll() {
             console.log(`ok      ${name} (${((performance.now() - begun_ms) / 1000).toFixed(1)} s)`);
             return true;
         } catch (error) {
-            await picture(on, `failed-${again.length + 1}`);
+            if (on) await picture(on, `failed-${again.length + 1}`);
             console.log(`FAILED  ${name}\n        ${String(error.stack).split("\n").slice(0, 7).join("\n        ")}`);
             return false;
         }
     };
-    for (const [name, run] of tests) {
-        if (only && !name.includes(only)) continue;
-        if (!(await attempt(page, name, run))) again.push([name, run]);
-    }
+    const runLane = async (wanted, on) => {
+        for (const [name, run, lane] of tests) {
+            if (lane !== wanted || (only && !name.includes(only))) continue;
+            if (!(await attempt(on, name, run))) again.push([name, run]);
+        }
+    };
+    const main = async () => {
+        await runLane("page", page);
+        // It would go on to draw.
+        await page.context().close();
+        await runLane("own");
+    };
+    await Promise.all([main(), runLane("beside")]);
     for (const [name, run] of again) {
         console.log(`once more: ${name}`);
         const fresh = await open();

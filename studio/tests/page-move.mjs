@@ -1,7 +1,7 @@
 // What a person moves: inputs without a pad, several pads, simulated hands, replays, and what is assigned to the controls.
 import assert from "node:assert/strict";
 import { join } from "node:path";
-import { AS_PHONE, AXE, demo, drop, fingers, latest, level, open, picture, programTest, record, studioOf, test, until } from "./harness.mjs";
+import { AS_PHONE, AXE, besideTest, demo, drop, fingers, latest, level, open, picture, programTest, record, studioOf, test, until } from "./harness.mjs";
 
 const FADERS = `Graph(format: 1, about: "A hum that two faders set.",
     clocks: { "audio": Driver(rate_hz: 48000), "control": Derived(of: "audio", rate_hz: 125) }, nodes: {
@@ -226,7 +226,7 @@ programTest("a knob, an axis and a key are learned, kept and in the address", as
     }
 });
 
-programTest("the inputs are clean for axe and fit a phone, by day and night", async () => {
+besideTest("the inputs are clean for axe and fit a phone, by day and night", async () => {
     const wrong = [];
     const look = async ([graph, files]) => {
         const own = await studioOf(graph, { files });

@@ -5,7 +5,7 @@ import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { AXE, HOME, open, picture, PROGRAM, programTest, studioOf, until } from "./harness.mjs";
+import { AXE, besideTest, HOME, open, picture, PROGRAM, studioOf, until } from "./harness.mjs";
 import { serve } from "./serve.mjs";
 
 const LOST = /WebSocket|ERR_|Failed to load/;
@@ -196,7 +196,7 @@ async function step(experimenter, participant, how, look = async () => {}) {
     return true;
 }
 
-programTest("two people take part in a study, by mouse and by keys, blind, and each answer is on disk", async () => {
+besideTest("two people take part in a study, by mouse and by keys, blind, and each answer is on disk", async () => {
     const served = await study();
     const [experimenter, participant] = await pagesOf(served);
     const seen = new Set();
@@ -243,7 +243,7 @@ function unzipped(bytes) {
     return files;
 }
 
-programTest("two people take part in a study that runs in the browser, blind, and the data can be downloaded and analysed", async () => {
+besideTest("two people take part in a study that runs in the browser, blind, and the data can be downloaded and analysed", async () => {
     const exported = await site();
     if (!exported) return console.log("skipped: this program has no engine for pages");
     const [experimenter, participant] = await pagesOfSite(exported.address);
@@ -275,7 +275,7 @@ programTest("two people take part in a study that runs in the browser, blind, an
     exported.end();
 });
 
-programTest("a study in the browser whose windows are closed at any moment loses no answer and doubles none", async () => {
+besideTest("a study in the browser whose windows are closed at any moment loses no answer and doubles none", async () => {
     const exported = await site();
     if (!exported) return console.log("skipped: this program has no engine for pages");
     let [experimenter, participant] = await pagesOfSite(exported.address);
@@ -304,7 +304,7 @@ programTest("a study in the browser whose windows are closed at any moment loses
     exported.end();
 });
 
-programTest("a study that is killed at any moment loses no answer and doubles none", async () => {
+besideTest("a study that is killed at any moment loses no answer and doubles none", async () => {
     let [served, root] = [await study(), null];
     ({ root } = served);
     let random = 7;

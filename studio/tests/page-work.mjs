@@ -81,7 +81,7 @@ programTest("a download holds the running text and its surface, and opens elsewh
     assert(run.includes("t2-canvas"), run.slice(0, 2000));
     rmSync(folder, { recursive: true });
     await page.evaluate((text) => studio.connection.request({ type: "apply", text }), before);
-});
+}, "page");
 
 test("a pause freezes what is seen, and zoom and span act in it", async (page) => {
     await demo(page, true);

@@ -38,7 +38,7 @@ haptograph_engine::settings! {
         /// Height, mm.
         height_mm: Millimetres = Millimetres(25.4), in 0.1..=10_000.0;
         /// Number of flat strips of its mantle.
-        strips: u32 = 96, in 3..=10_000;
+        strips: u32 = 96, in 3..=1000;
     }
 }
 
