@@ -157,7 +157,7 @@ enum haptograph_input_state
   HAPTOGRAPH_INPUT_STATE_HEARD = 1,
   // Its last value is older than `timeout_s`.
   HAPTOGRAPH_INPUT_STATE_SILENT = 2,
-  // Its values moved faster than a hand can: the endpoint's own actuators are at zero for a while.
+  // Its values moved faster than its `fastest_mm_s`, which a `Host` does not have: its own actuators are at zero for a while.
   HAPTOGRAPH_INPUT_STATE_JUMPED = 3,
 };
 #ifndef __cplusplus
@@ -426,8 +426,9 @@ haptograph_status haptograph_input_push_float(haptograph_input input,
                                               size_t length,
                                               size_t *pushed);
 
-// Fills `values` with the oldest unread frames, and with zeros after the last one. `length`: capacity of `values`, whole
-// frames. `read`: number of frames read, or null. One thread at a time; real-time.
+// Fills `values` with the oldest unread frames, and with zeros after the last one: a loop that skipped a read reads until `read`
+// is 0. Frames beyond one second unread are lost. `length`: capacity of `values`, whole frames. `read`: number of frames read,
+// or null. One thread at a time; real-time.
 haptograph_status haptograph_output_read(haptograph_output output,
                                          double *values,
                                          size_t length,

@@ -109,7 +109,7 @@ pub enum InputState {
     Heard = 1,
     /// Its last value is older than `timeout_s`.
     Silent = 2,
-    /// Its values moved faster than a hand can: the endpoint's own actuators are at zero for a while.
+    /// Its values moved faster than its `fastest_mm_s`, which a `Host` does not have: its own actuators are at zero for a while.
     Jumped = 3,
 }
 
