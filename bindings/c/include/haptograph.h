@@ -427,8 +427,8 @@ haptograph_status haptograph_input_push_float(haptograph_input input,
                                               size_t *pushed);
 
 // Fills `values` with the oldest unread frames, and with zeros after the last one: a loop that skipped a read reads until `read`
-// is 0. Frames beyond one second unread are lost. `length`: capacity of `values`, whole frames. `read`: number of frames read,
-// or null. One thread at a time; real-time.
+// is 0. After one second unread the newest frames are lost. `length`: capacity of `values`, whole frames. `read`: number of
+// frames read, or null. One thread at a time; real-time.
 haptograph_status haptograph_output_read(haptograph_output output,
                                          double *values,
                                          size_t length,
@@ -465,7 +465,7 @@ haptograph_status haptograph_player_open(haptograph_graph graph,
 // Runs `frames` frames of the graph's driver, at most 2^25. Nodes read the inputs at the ticks at which they are due;
 // outputs and probes contain their frames afterwards. One thread at a time; real-time.
 //
-// HAPTOGRAPH_STATUS_ENDED: the run is over; its outputs receive zeros. HAPTOGRAPH_STATUS_BUSY: another thread is
+// HAPTOGRAPH_STATUS_ENDED: the run is over; its outputs have no further frames. HAPTOGRAPH_STATUS_BUSY: another thread is
 // processing or freeing this player; no frame was run.
 haptograph_status haptograph_player_process(haptograph_player player,
                                             size_t frames);

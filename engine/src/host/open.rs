@@ -12,6 +12,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Weak};
 
+/// Driver frames between checks for silent endpoints.
+const FOLLOWED_FRAMES: u64 = 64;
+
 impl Player {
     /// Opens a run of a graph with one driver, which is the caller: the player for the caller's callback, and the session,
     /// which sets parameters, replaces the graph and reports, from any other thread.
@@ -53,8 +56,8 @@ impl Player {
         session.claim = Arc::downgrade(&claim);
         for player in &mut players {
             player.hold(Arc::clone(&claim));
-            // At fixed frames, so that the checks for silent endpoints do not depend on the calls.
-            player.follow_inputs_every(player.block() as u64);
+            // At fixed frames: the checks for silent endpoints depend neither on the calls nor on the block.
+            player.follow_inputs_every(FOLLOWED_FRAMES);
             if options.sample_costs && !cfg!(target_family = "wasm") {
                 player.sample_costs();
             }

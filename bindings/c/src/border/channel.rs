@@ -152,8 +152,8 @@ unsafe fn push<T: Sample>(input: Input, values: (*const T, usize), pushed: *mut 
 }
 
 /// Fills `values` with the oldest unread frames, and with zeros after the last one: a loop that skipped a read reads until `read`
-/// is 0. Frames beyond one second unread are lost. `length`: capacity of `values`, whole frames. `read`: number of frames read,
-/// or null. One thread at a time; real-time.
+/// is 0. After one second unread the newest frames are lost. `length`: capacity of `values`, whole frames. `read`: number of
+/// frames read, or null. One thread at a time; real-time.
 ///
 /// # Safety
 /// `values` is null or of room for `length` numbers; `read` is null or of room for a number.

@@ -52,7 +52,7 @@ pub unsafe extern "C" fn haptograph_player_open(
 /// Runs `frames` frames of the graph's driver, at most 2^25. Nodes read the inputs at the ticks at which they are due;
 /// outputs and probes contain their frames afterwards. One thread at a time; real-time.
 ///
-/// HAPTOGRAPH_STATUS_ENDED: the run is over; its outputs receive zeros. HAPTOGRAPH_STATUS_BUSY: another thread is
+/// HAPTOGRAPH_STATUS_ENDED: the run is over; its outputs have no further frames. HAPTOGRAPH_STATUS_BUSY: another thread is
 /// processing or freeing this player; no frame was run.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_player_process(player: Player, frames: usize) -> Status {
