@@ -361,12 +361,14 @@ siteTest("a site over plain HTTP from another machine says why no engine runs, a
     await page.context().close();
 });
 
-test("STOP is in view at every width", async (page) => {
+test("STOP and the force of the hand are in view at every width", async (page) => {
     const before = page.viewportSize();
     for (let width = 320; width <= 1600; width += 80) {
         await page.setViewportSize({ width, height: 800 });
         const { left, right, top } = await page.evaluate(() => document.getElementById("stop").getBoundingClientRect().toJSON());
         assert(left >= 0 && right <= width && top >= 0, `${left} to ${right} of ${width} px`);
+        const [force, record] = await page.evaluate(() => ["force-text", "record"].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
+        assert(force.right <= record.left, `the force is at ${force.right}, a button at ${record.left} of ${width} px`);
     }
     await page.setViewportSize(before);
 });
