@@ -299,13 +299,10 @@ export async function runAll() {
             if (!(await attempt(on, name, run))) again.push([name, run]);
         }
     };
-    const main = async () => {
-        await runLane("page", page);
-        // It would go on to draw.
-        await page.context().close();
-        await runLane("own");
-    };
-    await Promise.all([main(), runLane("beside")]);
+    await runLane("page", page);
+    // It would go on to draw.
+    await page.context().close();
+    await Promise.all([runLane("own"), runLane("beside")]);
     for (const [name, run] of again) {
         console.log(`once more: ${name}`);
         const fresh = await open();
