@@ -299,10 +299,14 @@ typedef struct {
 typedef struct {
   // The node that drives it, "out"; longer names are truncated.
   char name[128];
-  // The unit of `delivered`, SI.
+  // The unit of `delivered`, `peak` and `continuous`, SI.
   char unit[32];
   // Largest magnitude over the axes of its last output.
   double delivered;
+  // Limit of its magnitude, that of a vector's sum, at any moment.
+  double peak;
+  // Limit of the root mean square of its magnitude.
+  double continuous;
   // Not 0: a silent input closes its gate: the output fades to zero in 10 ms, or is there.
   uint32_t closed;
   // Not 0: it is closed and its output is zero.

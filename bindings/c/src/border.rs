@@ -250,10 +250,14 @@ pub struct LiveInput {
 pub struct Actuator {
     /// The node that drives it, "out"; longer names are truncated.
     pub name: [c_char; 128],
-    /// The unit of `delivered`, SI.
+    /// The unit of `delivered`, `peak` and `continuous`, SI.
     pub unit: [c_char; 32],
     /// Largest magnitude over the axes of its last output.
     pub delivered: f64,
+    /// Limit of its magnitude, that of a vector's sum, at any moment.
+    pub peak: f64,
+    /// Limit of the root mean square of its magnitude.
+    pub continuous: f64,
     /// Not 0: a silent input closes its gate: the output fades to zero in 10 ms, or is there.
     pub closed: u32,
     /// Not 0: it is closed and its output is zero.

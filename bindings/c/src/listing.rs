@@ -45,6 +45,8 @@ impl From<&ActuatorStatus> for Actuator {
             name: fixed(&actuator.path),
             unit: fixed(&actuator.unit),
             delivered: actuator.delivered,
+            peak: actuator.limit.peak,
+            continuous: actuator.limit.continuous,
             closed: u32::from(actuator.is_closed),
             at_zero: u32::from(actuator.at_zero),
         }

@@ -99,6 +99,7 @@ static void silence(void) {
     EXPECT(haptograph_player_actuators(pen.player, "stylus", actuators, 2, &count), OK);
     HOLDS(count == 1 && strcmp(actuators[0].name, "out") == 0 && strcmp(actuators[0].unit, "A") == 0);
     HOLDS(actuators[0].closed && actuators[0].at_zero && actuators[0].delivered == 0);
+    HOLDS(actuators[0].peak == 0.5 && actuators[0].continuous == 0.25);
     stroke(&pen, 10, 1);
     EXPECT(haptograph_player_actuators(pen.player, "stylus", actuators, 2, &count), OK);
     HOLDS(!actuators[0].closed && !actuators[0].at_zero);

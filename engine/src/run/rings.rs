@@ -43,7 +43,7 @@ impl TapRings {
         kept: Vec<(usize, usize)>,
         outs: &mut [Option<Consumer<f64>>],
     ) -> Self {
-        let mut taps = Vec::new();
+        let (mut taps, waits) = (Vec::new(), matches!(writer, Writer::Thread(.., true)));
         for (place, (stream, tap)) in plan.tap_streams().zip(&plan.tap_places).enumerate() {
             let wanted = kept.iter().all(|(_, new)| *new != place);
             let ring = wanted.then(|| {
@@ -54,7 +54,7 @@ impl TapRings {
                 outs[*tap] = Some(out);
                 ring
             });
-            taps.push(TapRing { ring, waits: writer.waits() && sinks.is_written(*tap), lost: 0 });
+            taps.push(TapRing { ring, waits: waits && sinks.is_written(*tap), lost: 0 });
         }
         Self { taps, kept }
     }
@@ -138,11 +138,6 @@ impl Writer {
             Self::Thread(..) => RING_S,
             Self::Caller(_) => 0.0,
         }
-    }
-
-    /// True if full rings are waited for.
-    fn waits(&self) -> bool {
-        matches!(self, Self::Thread(.., true))
     }
 
     /// Starts the thread, if there is one and it does not run.

@@ -76,8 +76,10 @@ pub struct ActuatorStatus {
     pub path: String,
     /// Largest magnitude over the axes of its last output.
     pub delivered: f64,
-    /// Unit of `delivered`.
+    /// Unit of `delivered` and of the limit.
     pub unit: String,
+    /// The limit of its magnitude.
+    pub limit: Limit,
     /// True if a silent input closes its gate.
     pub is_closed: bool,
     /// True if its gate is closed and its output is zero.
@@ -147,6 +149,7 @@ fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> 
             path: actuator.path.clone(),
             delivered,
             unit: actuator.unit.clone(),
+            limit: actuator.limit,
             is_closed: !actuator.is_let_through(|device| plan.devices.get(device)?.input.clone()),
             at_zero,
         }

@@ -248,6 +248,7 @@ fn event(input: &InputStatus, at: Duration) -> SilenceReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::limiter::Limit;
 
     fn input(state: InputState, delivered: f64, is_closed: bool) -> InputStatus {
         InputStatus {
@@ -259,6 +260,7 @@ mod tests {
                 path: "out".to_owned(),
                 delivered,
                 unit: "A".to_owned(),
+                limit: Limit { peak: 0.5, continuous: 0.25, window_s: 1.0, slew_per_s: None },
                 is_closed,
                 at_zero: is_closed && delivered == 0.0,
             }],
