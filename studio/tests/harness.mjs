@@ -70,7 +70,7 @@ export const test = (name, run, lane = "page") => tests.push([name, run, lane]);
 // Of a page that shares its engine with others.
 export const serverTest = (name, run) => served || test(name, run);
 export const siteTest = (name, run) => served && test(name, run);
-// Of a studio that the scenario opens itself. One that mostly waits, and measures nothing, runs beside the others.
+// Of a studio that the scenario opens itself. One that measures no time runs beside the others.
 export const besideTest = (name, run) => programTest(name, run, "beside");
 export const programTest = (name, run, lane = "own") => {
     if (served) return;

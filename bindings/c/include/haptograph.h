@@ -303,9 +303,9 @@ typedef struct {
   char unit[32];
   // Largest magnitude over the axes of its last output.
   double delivered;
-  // Limit of its magnitude, that of a vector's sum, at any moment.
+  // Largest magnitude that its limit allows at any time, Euclidean for a vector.
   double peak;
-  // Limit of the root mean square of its magnitude.
+  // Largest root mean square of the magnitude that its limit allows.
   double continuous;
   // Not 0: a silent input closes its gate: the output fades to zero in 10 ms, or is there.
   uint32_t closed;

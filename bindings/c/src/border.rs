@@ -254,9 +254,9 @@ pub struct Actuator {
     pub unit: [c_char; 32],
     /// Largest magnitude over the axes of its last output.
     pub delivered: f64,
-    /// Limit of its magnitude, that of a vector's sum, at any moment.
+    /// Largest magnitude that its limit allows at any time, Euclidean for a vector.
     pub peak: f64,
-    /// Limit of the root mean square of its magnitude.
+    /// Largest root mean square of the magnitude that its limit allows.
     pub continuous: f64,
     /// Not 0: a silent input closes its gate: the output fades to zero in 10 ms, or is there.
     pub closed: u32,
