@@ -23,7 +23,7 @@ export const PROGRAM = process.env.HAPTOGRAPH ?? join(HOME, "target/release/hapt
 // A name that leads here but is not this machine to a browser.
 export const FAR_NAME = "studio.test";
 export const browser = await chromium.launch({
-    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    executablePath: process.env.CHROMIUM ?? ["/usr/bin/chromium-headless-shell", "/usr/bin/chromium"].find(existsSync),
     args: ["--autoplay-policy=no-user-gesture-required", `--host-resolver-rules=MAP ${FAR_NAME} 127.0.0.1`],
 });
 const LEAST_MOVES = 50;

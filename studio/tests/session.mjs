@@ -49,14 +49,15 @@ await page.click("#sound");
 await until(page, () => studio.sound.on);
 await page.evaluate((port) => {
     const trace = studio.taps.watch(port, true);
-    const kept = { frames: 0, perSecond: [], gaps: [], heard_s: [], heap_mb: [], behind_ms: 0, costs: [] };
+    const kept = { frames: 0, perSecond: [], gaps: [], heard_s: [], heap_mb: [], behind_ms: 0, costs: [], pointers_ms: [] };
     let next_s = null;
     studio.connection.on("samples", ({ place, time_s, interval_s, values }) => {
         if (place !== studio.taps.traces.indexOf(trace)) return;
         if (next_s !== null && Math.abs(time_s - next_s) > interval_s / 2) kept.gaps.push({ time_s, missing_s: time_s - next_s });
         next_s = time_s + values.length * interval_s;
     });
-    studio.connection.on("status", ({ behind_ms, cost }) => {
+    studio.connection.on("status", ({ behind_ms, cost, pointer }) => {
+        if (pointer.count) kept.pointers_ms.push(pointer.p50_ms);
         kept.behind_ms = Math.max(kept.behind_ms, behind_ms);
         kept.costs.push(cost);
     });
@@ -104,7 +105,8 @@ console.log(`processor: browser ${(100 * share[0]).toFixed(0)} % of a core, serv
 const missing_s = kept.gaps.reduce((sum, gap) => sum + gap.missing_s, 0);
 console.log(`samples: ${kept.gaps.length} gaps, ${missing_s.toFixed(3)} s together; the page counts ${status.lost} lost messages, ${status.late} late wake-ups, at most ${kept.behind_ms.toFixed(1)} ms behind`);
 console.log(`sound: ${kept.heard_s.length ? `gaps at ${kept.heard_s.join(", ")} s` : "no gap"}; ${JSON.stringify(report)}, ${(1000 * latency_s).toFixed(1)} ms to the browser's output`);
-console.log(`pointer to engine, ms: ${JSON.stringify(status.pointer)}`);
+const late_ms = kept.pointers_ms.toSorted((a, b) => a - b);
+console.log(`a pointer's arrival to its tick, medians of statuses, ms: median ${at(late_ms, 0.5)?.toFixed(1)}, 95th percentile ${at(late_ms, 0.95)?.toFixed(1)}`);
 const heap = kept.heap_mb;
 const least = (from, to) => Math.min(...heap.slice(Math.floor(from * heap.length), Math.ceil(to * heap.length)));
 console.log(`memory: page's scripts ${least(0, 0.2).toFixed(1)} MB least in the first fifth, ${least(0.8, 1).toFixed(1)} MB in the last; server ${resident_mb("haptograph").toFixed(0)} MB`);
