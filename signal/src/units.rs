@@ -80,6 +80,7 @@ const UNITS: &[Row] = &[
     unit("_g", "g", Quantity::MASS, 1e-3),
     unit("_s", "s", Quantity::TIME, 1.0),
     unit("_ms", "ms", Quantity::TIME, 1e-3),
+    unit("_us", "µs", Quantity::TIME, 1e-6),
     unit("_a", "A", Quantity::CURRENT, 1.0),
     unit("_ma", "mA", Quantity::CURRENT, 1e-3),
     unit("_k", "K", Quantity::TEMPERATURE, 1.0),
@@ -87,10 +88,14 @@ const UNITS: &[Row] = &[
     unit("_deg", "°", Quantity::ANGLE, std::f64::consts::PI / 180.0),
     unit("_m_s", "m/s", Quantity::SPEED, 1.0),
     unit("_mm_s", "mm/s", Quantity::SPEED, 1e-3),
+    unit("_cm_s", "cm/s", Quantity::SPEED, 1e-2),
     unit("_m_s2", "m/s²", Quantity::ACCELERATION, 1.0),
     unit("_mm_s2", "mm/s²", Quantity::ACCELERATION, 1e-3),
     unit("_n", "N", Quantity::FORCE, 1.0),
     unit("_mn", "mN", Quantity::FORCE, 1e-3),
+    unit("_gf", "gf", Quantity::FORCE, 9.80665e-3),
+    unit("_kgf", "kgf", Quantity::FORCE, 9.80665),
+    unit("_lbf", "lbf", Quantity::FORCE, 4.448_221_615_260_5),
     unit("_n_m", "N m", Quantity::TORQUE, 1.0),
     unit("_n_mm", "N mm", Quantity::TORQUE, 1e-3),
     unit("_v", "V", Quantity::VOLTAGE, 1.0),
@@ -298,14 +303,12 @@ fn at_end(name: &str) -> impl Iterator<Item = &'static Row> {
 
 /// Quantity of a column by the suffix of its name, and SI per unit; a plain number without a known suffix.
 pub fn of_header(name: &str) -> (Quantity, f64) {
-    let unit = at_end(name).last();
-    unit.map_or((Quantity::NUMBER, 1.0), |unit| (unit.quantity, unit.si))
+    at_end(name).last().map_or((Quantity::NUMBER, 1.0), |unit| (unit.quantity, unit.si))
 }
 
 /// SI per unit of a column of `quantity`, by the suffix of its name.
 pub fn of_header_as(name: &str, quantity: Quantity) -> Option<f64> {
-    let unit = at_end(name).find(|unit| unit.quantity == quantity);
-    unit.map(|unit| unit.si)
+    at_end(name).find(|unit| unit.quantity == quantity).map(|unit| unit.si)
 }
 
 /// The unit at the end of a setting's name, which may be the quotient of two: `most_a_per_m_s2`. None where only a part
@@ -422,7 +425,7 @@ mod tests {
         assert_eq!(si_per("N mm", Quantity::TORQUE), Some(1e-3));
         assert_eq!(si_per("furlong", Quantity::LENGTH), None);
         assert_eq!([si_of("kHz"), si_of("g"), si_of("khz")], [Some(1e3), None, None]);
-        assert_eq!(of_quantity(Quantity::SPEED).collect::<Vec<_>>(), ["m_s", "mm_s"]);
+        assert_eq!(of_quantity(Quantity::SPEED).collect::<Vec<_>>(), ["m_s", "mm_s", "cm_s"]);
     }
 
     #[test]

@@ -203,7 +203,7 @@ export class Assignments {
     }
 
     #showOn({ label, button }, source, learns) {
-        setText(button, learns ? "turn it…" : source ? short(source) : "Knob");
+        setText(button, learns ? "turn…" : source ? short(source) : "Knob");
         button.setAttribute("aria-pressed", String(learns));
         button.classList.toggle("assigned", Boolean(source));
         const does = learns ? "End learning" : source ? `Take ${named(source)} from` : "Assign a knob, axis or key to";

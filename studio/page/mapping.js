@@ -121,11 +121,8 @@ function showFindings(list, read) {
     list.replaceChildren(...first, ...others.map(({ says, consequence }) => line("repair", says, consequence)));
 }
 
-// True if a column's name ends in a unit: "acc [g]", "speed_mm_s".
-const isIn = (name, unit) => {
-    const bare = (text) => text.toLowerCase().replace(/[^a-z0-9]/g, "");
-    return bare(name).endsWith(bare(unit)) && /[^a-z0-9]/i.test(name.slice(0, -1));
-};
+// True if a column's name ends in a unit: "acc [g]", "v/(cm/s)", "speed_mm_s".
+const isIn = (name, unit) => new RegExp(`.[^a-z0-9]${unit.replaceAll("_", "[^a-z0-9]*")}[^a-z0-9]*$`, "i").test(name.replace("²", "2"));
 
 function rowOf(name, values, quantities, guess, units = {}) {
     const unit = make("select", { "aria-label": `Unit of ${name}` });

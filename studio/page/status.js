@@ -10,6 +10,7 @@ const HOT = 0.85;
 const RECENT_MS = 8000;
 const UNHEARD_S = 2;
 const HEARD = 1e-4; // of full scale
+const SILENT_MS = 3000;
 const UNCONFIRMED_MS = 1000; // after which an engine that has not confirmed STOP is worth a word
 
 export function mountStatus(studio) {
@@ -184,9 +185,15 @@ function soundSays(studio, counts, recent) {
     return null;
 }
 
+// When a sound was last heard, or none was asked for.
+let heard_ms = 0;
+
 function handSays(studio) {
     const down = studio.pad.hands.down;
     if (down.some(({ by }) => by === "replay")) return { level: "note", text: "The recorded hand strokes" };
+    if (!studio.pad.demo.running || !studio.sound.on || studio.sound.report?.peak > 0) heard_ms = performance.now();
+    if (performance.now() - heard_ms > SILENT_MS)
+        return { level: "warn", text: "Silent though a simulated hand strokes: wires of the drawing are thin behind the node that gives nothing" };
     if (studio.pad.demo.running)
         return { level: "good", text: "A simulated hand strokes; touch the pad to take over" };
     if (down.length)

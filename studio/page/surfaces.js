@@ -168,14 +168,15 @@ async function learn(studio, file, mapping = undefined) {
     const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
     const reply = await answer;
     clearInterval(timer);
+    const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
+    const again = (chosen) => (box.remove(), learn(studio, file, chosen));
+    const ask = async () => text.after(await mappingForm(head, read, again));
     if (!reply.ok) {
         const asks = head && studio.connection.open && !isCancelled;
-        const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
         // The page has no flags: it asks what the names of columns do not say.
         if (asks && !mapping && (await read({}))?.error) end("note", `What do the columns of ${file.name} hold?`);
         else end("bad", `${file.name} was not learned: ${reply.error.replace(/ Name the columns: --.*/s, "")}`);
-        const again = (chosen) => (box.remove(), learn(studio, file, chosen));
-        if (asks) text.after(await mappingForm(head, read, again));
+        if (asks) await ask();
         return;
     }
     const parameter = parameterOf(studio.graph);
@@ -186,6 +187,7 @@ async function learn(studio, file, mapping = undefined) {
     studio.say("good", `${file.name} was learned; ${says}`);
     const recording = { name: file.name, csv, mapping, path: reply.change };
     text.after(make("button", { text: "Listen", title: "The recording beside the surface, and ABX", onclick: () => import("./listen.js").then(({ listen }) => listen(studio, recording)).catch((error) => studio.say("bad", `The recording cannot be played: ${error.message}`)) }));
+    if (head) text.after(make("button", { text: "Columns…", title: "Change what its columns hold, and learn it again", onclick: ({ target }) => (target.remove(), ask()) }));
     if (reply.report) text.after(reportLink(reply.report));
     if (reply.learned) text.after(...keepLinks(reply.learned, bare(reply.change).split("/").at(-1)));
 }

@@ -644,9 +644,9 @@ programTest("a recording whose columns have foreign names is learned once a pers
     // A hand that strokes faster and slower: what is learned is not judged here.
     const rows = Array.from({ length: 40_000 }, (_, i) => {
         const speed = 60 + 40 * Math.sin(i / 4000);
-        return `${i / 10_000},${(1 + 0.5 * Math.sin(i / 9000)).toFixed(4)},${speed.toFixed(3)},${(0.02 * speed * Math.sin(i * i)).toFixed(4)}`;
+        return `${i / 10},${(1 + 0.5 * Math.sin(i / 9000)).toFixed(4)},${(speed / 10).toFixed(4)},${(0.002 * speed * Math.sin(i * i)).toFixed(5)}`;
     });
-    const file = { name: "foreign.csv", mimeType: "text/csv", buffer: Buffer.from(`q1,q2,q3,q4\n${rows.join("\n").replace("0.5,", "0.5,?")}\n`) };
+    const file = { name: "foreign.csv", mimeType: "text/csv", buffer: Buffer.from(`q1/ms,q2,q3/(cm/s),q4/g\n${rows.join("\n").replace("0.5,", "0.5,?")}\n`) };
     try {
         await page.setInputFiles("#learn", file);
         await page.waitForSelector(".mapping", { timeout: 30_000 });
@@ -654,6 +654,8 @@ programTest("a recording whose columns have foreign names is learned once a pers
         const quantities = ["time", "force_normal", "speed", "accel"];
         await page.waitForSelector(".findings .error");
         for (const [i, quantity] of quantities.entries()) await page.selectOption(`.mapping tr:nth-child(${i + 1}) select >> nth=0`, quantity);
+        const units = () => page.locator(".mapping tr td:last-child select").evaluateAll((menus) => menus.map(({ value }) => value));
+        assert.deepEqual(await units(), ["ms", "n", "cm_s", "g"]);
         // What would be repaired is said before anything is learned.
         await page.waitForSelector(".findings .repair");
         assert.match(await page.textContent(".findings"), /1 .*(unreadable|empty)/);
@@ -661,6 +663,9 @@ programTest("a recording whose columns have foreign names is learned once a pers
         await page.click(".surface-message .primary");
         const learned = () => [...document.querySelectorAll(".surface-message p")].some((p) => / was learned;/.test(p.textContent));
         await until(page, learned, null, 60_000);
+        await page.click(".surface-message button >> text=Columns…");
+        await page.waitForSelector(".mapping");
+        assert.deepEqual(await units(), ["ms", "n", "cm_s", "g"]);
         // The same logger again needs no word.
         await page.click(".surface-message button >> text=Close");
         await page.setInputFiles("#learn", { ...file, name: "second.csv" });

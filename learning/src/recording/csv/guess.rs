@@ -67,6 +67,7 @@ mod tests {
             (["clock", "pressing", "v_tip", "vib"], ["time", "force_normal", "speed", "accel"]);
         assert_eq!(of(&plain), all(&named));
         assert_eq!(of(&["Zeit", "Kraft [N]", "Geschw (mm/s)", "Beschl [g]"]), all(&named));
+        assert_eq!(of(&["T/ms", "Fz/gf", "v/(cm/s)", "a_tool/g"]), all(&named));
         assert_eq!(of(&["vib", "vib 2", "note"]), [Some("accel".to_owned()), None, None]);
         assert_eq!(
             of(&["time_s", "friction", "load", "v"]),

@@ -42,13 +42,18 @@ static DIMENSIONS: [(&str, Quantity); 8] = [
 /// The parts of a name between quantity and unit.
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
-/// Splits a name with a unit in brackets, such as `speed (mm/s)` or `accel [g]`.
+/// Splits a name with a unit in brackets or after a slash, such as `speed (mm/s)`, `accel [g]`, `v/(cm/s)` or `t/ms`.
 fn bracketed(name: &str) -> Option<(&str, &str)> {
-    let (before, unit) = match name.strip_suffix(']') {
-        Some(rest) => rest.rsplit_once('[')?,
-        None => name.strip_suffix(')')?.rsplit_once('(')?,
+    let (before, unit) = match (name.strip_suffix(']'), name.strip_suffix(')')) {
+        (Some(rest), _) => rest.rsplit_once('[')?,
+        (_, Some(rest)) => rest.rsplit_once('(')?,
+        // Not one within the unit, as in `speed_m/s`.
+        _ => name.split_once('/').filter(|(_, unit)| {
+            let end = units::at_end_of(&format!("_{}", name.replace('/', "_")));
+            end.is_some_and(|(length, _)| length == 1 + unit.len())
+        })?,
     };
-    let before = before.trim_end();
+    let before = before.trim_end_matches([' ', '/']);
     (!before.is_empty()).then_some((before, unit.trim()))
 }
 

@@ -23,6 +23,15 @@ fn columns_and_units_are_said_where_the_file_does_not() {
     assert_eq!(signals.speed_m_s, [0.1, 0.2, 0.2]);
     let columns = vec!["note".to_owned()];
     assert_eq!(findings, [Finding::NotUsed { columns }]);
+    let slashed =
+        folder.with("y.csv", "t/ms;acc/g;Fz/gf;v/(cm/s)\n0;0,5;100;10\n1;1,0;200;20\n2;-0,5;200;20\n");
+    let names = [("time", "t/ms"), ("accel", "acc/g"), ("force_normal", "Fz/gf"), ("speed", "v/(cm/s)")];
+    let mapped = ImportSettings::default();
+    let mapped =
+        names.iter().try_fold(mapped, |import, (quantity, column)| import.with_column(quantity, column));
+    let (of_slashed, _) = read(&[slashed], &mapped.expect("quantities")).expect("a recording");
+    assert_eq!(of_slashed.signals().force_normal_n, [0.980665, 1.96133, 1.96133]);
+    assert_eq!((&of_slashed.signals().speed_m_s, of_slashed.signals().rate_hz), (&signals.speed_m_s, 1000.0));
     // Without a unit, at the header's cell.
     let unsaid = ImportSettings::default().with_column("accel", "acc").expect("a quantity");
     assert_eq!(line_of(read(std::slice::from_ref(&path), &unsaid).expect_err("no unit")), (1, 2));
