@@ -17,7 +17,6 @@ use haptograph_engine::run::{
 use haptograph_engine::settings::MAX_LIVE_ITEMS;
 use haptograph_nodes::filters::classical::BandPassSettings;
 use haptograph_nodes::texture::Model;
-use haptograph_signal::units::Milliseconds;
 use realtime::allocations;
 use std::path::Path;
 use std::sync::Arc;
@@ -507,7 +506,13 @@ fn a_model_that_a_program_gives_steers_the_filter_and_allocates_nothing() {
         .driver("synth", 10_000.0)
         .derived("control", "synth", 500.0)
         .node("network", Part::new("LiveModel").on("control").set("endpoint", "network"))
-        .node("steer", Part::new("SteeredModel").wire("model", "network").set("fade_ms", Milliseconds(10.0)))
+        .node(
+            "steer",
+            Part::new("SteeredModel")
+                .wire("model", "network")
+                .set("form", Part::new("Ar"))
+                .set("warping", 0.0),
+        )
         .node("excite", Part::new("Excitation").on("synth").wire("coefficients", hold("steer.coefficients")))
         .node(
             "filter",

@@ -209,7 +209,7 @@ static void changes(void) {
 static void a_model_steers(void) {
     const char *text = "Graph(format: 1, clocks: { \"synth\": Driver(rate_hz: 1000) }, nodes: {"
                        "\"network\": LiveModel(clock: \"synth\", endpoint: \"network\"),"
-                       "\"steer\": SteeredModel(model: \"network\"),"
+                       "\"steer\": SteeredModel(model: \"network\", form: Ar, warping: 0),"
                        "\"noise\": Excitation(coefficients: \"steer.coefficients\"),"
                        "\"felt\": ArmaFilter(coefficients: \"steer.coefficients\", excitation: \"noise\") })";
     const char *probe = "felt.acceleration";

@@ -213,6 +213,12 @@ impl Surface {
         recorded.map(|Recorded { speed_m_s, force_n }| (speed_m_s, force_n))
     }
 
+    /// The cut-off of the high-pass that is applied to what is rendered, Hz.
+    #[getter]
+    fn highpass(&self) -> Option<f64> {
+        self.surface.texture.as_ref().and_then(TextureModel::highpass_hz)
+    }
+
     /// The model at a force and a speed.
     fn at<'py>(&self, py: Python<'py>, force: f64, speed: f64) -> PyResult<Bound<'py, PyDict>> {
         let texture = self.texture(py)?;

@@ -11,7 +11,9 @@ from conftest import needed
 import haptograph as hg
 
 SIGNALS = ["vibration_m_s2", "speed_m_s", "force_n"]
-LABELS = ["job", "surface", "surface_name", "motion", "motion_name", "seed", "samples", "rate_hz", "gain", "update_hz", "outside"]
+LABELS = ["job", "surface", "surface_name", "motion", "motion_name", "seed", "samples", "rate_hz", "gain", "update_hz"] + [
+    "mean_speed_m_s", "mean_force_n", "outside"
+]
 
 
 @pytest.fixture(scope="module", params=["Float32", "Float64"])
@@ -72,6 +74,8 @@ def test_items_are_those_of_the_chunks(folders, arrays):
         with pytest.raises(IndexError):
             arrays[beyond]
     again = pickle.loads(pickle.dumps(arrays))
+    steady = np.char.equal(arrays.labels["motion_name"].astype(str), "steady")
+    assert np.allclose(arrays.labels["mean_speed_m_s"][steady], 0.08) and np.allclose(arrays.labels["mean_force_n"][steady], 1)
     assert again == arrays and np.array_equal(again[7]["force_n"], arrays[7]["force_n"])
 
 

@@ -62,6 +62,7 @@ def test_a_highpass_that_was_taken_off_is_applied_to_what_is_rendered(made):
     models = [(f, v, resonance(80 + 400 * v), 0.2 * f) for f, v in PLACES]
     filtered = hg.Surface(models, rate=RATE, highpass=60, name="net")
     power = [np.abs(np.fft.rfft(each.render(1.0, 0.1, seconds=60, seed=1))) ** 2 for each in (made, filtered)]
+    assert (made.highpass, filtered.highpass) == (None, 60)
     hertz = np.linspace(0, RATE / 2, len(power[0]))
     for low, high, ratio in ((0, 10, 0.01), (200, 450, 1.0)):
         within = (hertz > low) & (hertz < high)

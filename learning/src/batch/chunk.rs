@@ -8,6 +8,7 @@ use super::document::{Format, Samples};
 use super::plan::{Batch, Job};
 use haptograph_signal::files::{self, write_atomically_by};
 use haptograph_signal::instructions::processor_family;
+use haptograph_signal::statistics::mean;
 use haptograph_surfaces::rendering::{SynthesisError, SynthesisSettings, Trajectory, Voice, synthesise_many};
 use haptograph_surfaces::{Recorded, TextureModel};
 use serde::{Deserialize, Serialize};
@@ -107,7 +108,7 @@ impl Chunk {
         let longest = jobs.iter().map(|job| batch.samples_of(job)).max().unwrap_or(0);
         let signals = signals(batch, &jobs, longest, stop);
         let signals = signals.map_err(|(place, error)| (numbers.start + place as u64, error))?;
-        let Some((signals, outside)) = signals else {
+        let Some((signals, [speeds, forces, outside])) = signals else {
             return Ok(None);
         };
         let (count, longest) = (jobs.len() as u64, longest as u64);
@@ -122,6 +123,8 @@ impl Chunk {
             ("rate_hz", Numbers::F64(jobs.iter().map(|job| batch.rate_hz(job)).collect())),
             ("gain", Numbers::F64(jobs.iter().map(|job| job.gain).collect())),
             ("update_hz", Numbers::F64(jobs.iter().map(|job| job.update_hz).collect())),
+            ("mean_speed_m_s", Numbers::F64(speeds)),
+            ("mean_force_n", Numbers::F64(forces)),
             ("outside", Numbers::F64(outside)),
         ];
         let lines = lines.into_iter().map(|(name, numbers)| (name, vec![count], numbers));
@@ -147,8 +150,8 @@ impl Chunk {
     }
 }
 
-/// The stored signals of some jobs, a row each, and the share of each job that is outside.
-type Stored = (Vec<Numbers>, Vec<f64>);
+/// The stored signals of some jobs, a row each; of each job the mean speed and force, and the share that is outside.
+type Stored = (Vec<Numbers>, [Vec<f64>; 3]);
 
 /// Of some jobs; `None` if `stop` is set. An error has the index of its job.
 fn signals(
@@ -157,7 +160,7 @@ fn signals(
     longest: usize,
     stop: &AtomicBool,
 ) -> Result<Option<Stored>, (usize, SynthesisError)> {
-    let mut beyond = vec![f64::NAN; jobs.len()];
+    let mut labels = [(); 3].map(|()| vec![f64::NAN; jobs.len()]);
     let zeros = |_| Numbers::zeros(batch.samples(), jobs.len() * longest);
     let mut signals: Vec<Numbers> = batch.signals().iter().map(zeros).collect();
     // Voices of one surface fill SIMD lanes best.
@@ -168,13 +171,15 @@ fn signals(
             return Ok(None);
         }
         for (place, (trajectory, vibration)) in places.iter().zip(&play(batch, jobs, places)?) {
-            beyond[*place] = outside(&batch.surfaces()[jobs[*place].surface].texture, trajectory);
+            let beyond = outside(&batch.surfaces()[jobs[*place].surface].texture, trajectory);
+            let of = [mean(&trajectory.speed_m_s), mean(&trajectory.force_n), beyond];
+            labels.iter_mut().zip(of).for_each(|(label, of)| label[*place] = of);
             for (into, signal) in signals.iter_mut().zip(batch.signals()) {
                 into.put(place * longest, signal.of(trajectory, vibration));
             }
         }
     }
-    Ok(Some((signals, beyond)))
+    Ok(Some((signals, labels)))
 }
 
 /// The share of a motion that is beyond what was recorded, where a texture is extrapolated; NaN if it does not tell.

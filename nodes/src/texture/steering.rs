@@ -32,9 +32,9 @@ haptograph_engine::settings! {
     /// Settings of [`SteeredModel`].
     pub(crate) struct SteeredModelSettings {
         /// What the coefficients are.
-        form: ModelForm = ModelForm::Ar;
-        /// Warping factor of their frequency axis; 0 for an unwarped axis.
-        warping: f64 = 0.0, in -0.99..=0.99;
+        form: ModelForm;
+        /// Warping factor of their frequency axis: that of the surface from which they come; 0 for an unwarped axis.
+        warping: f64, in -0.99..=0.99;
         /// Duration of the cross-fade to a new model.
         fade_ms: Milliseconds = Milliseconds(10.0), in 0.0..=10_000.0;
     }
@@ -49,11 +49,11 @@ haptograph_engine::node! {
     /// model before stays.
     pub(crate) struct SteeredModel(SteeredModelSettings) in "texture";
     source: "2.4.1; fades between reflection coefficients, under which a filter stays stable (Gray and Markel 1975)";
-    example: r#""steer": SteeredModel(model: "network", form: Lsf)"#;
+    example: r#""steer": SteeredModel(model: "network", form: Lsf, warping: 0.85)"#;
     in MODEL: Model = Port::of(Quantity::NUMBER, "The variance, then the coefficients.");
     out COEFFICIENTS: Coefficients<'static> = Port::of(Quantity::NUMBER, "The synthesis filter and its variance.");
     out REFUSED: Scalar = Port::of(Quantity::NUMBER, "Number of models refused so far.");
-    out CORRECTED: Scalar = Port::of(Quantity::NUMBER, "Number of models made stable so far.");
+    out CORRECTED: Scalar = Port::of(Quantity::NUMBER, "Number of models made stable so far; one that holds counts once.");
 }
 
 impl NodeKind for SteeredModel {

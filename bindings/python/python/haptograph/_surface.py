@@ -510,6 +510,11 @@ class Surface(Content):
         return self._inner.rate
 
     @property
+    def highpass(self) -> float | None:
+        """Cut-off of the high-pass that is applied to what the models give, Hz; None if there is none."""
+        return self._inner.highpass
+
+    @property
     def max_speed(self) -> float:
         """The largest speed that has models, m/s; larger speeds are limited to it."""
         return self._inner.range[0]

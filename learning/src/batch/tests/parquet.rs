@@ -141,7 +141,7 @@ fn a_row_is_a_job_with_its_labels_and_signals() {
     let footer = footer(&file);
     let names: Vec<&str> = (0..footer.len(&[2])).map(|element| footer.text(&[2, element, 4])).collect();
     let labels = ["job", "surface", "surface_name", "motion", "motion_name", "seed"];
-    let numbers = ["samples", "rate_hz", "gain", "update_hz", "outside"];
+    let numbers = ["samples", "rate_hz", "gain", "update_hz", "mean_speed_m_s", "mean_force_n", "outside"];
     let list = |name| [name, "list", "element"];
     let lists_of = ["vibration_m_s2", "speed_m_s", "force_n"].map(list).concat();
     assert_eq!(names, [&["job"][..], &labels, &numbers, &lists_of].concat());
@@ -156,10 +156,10 @@ fn a_row_is_a_job_with_its_labels_and_signals() {
     assert_eq!(whole(5), jobs.clone().map(|job| job.seed).collect::<Vec<_>>());
     assert_eq!(page(&file, &footer, 0, 2).1[..16], *b"\x04\0\0\0cork\x04\0\0\0cork");
     let vibrations: Vec<Vec<f64>> = jobs.map(|job| vibration(&batch, job).unwrap()).collect();
-    assert_eq!(lists(&file, &footer, 0, 11), vibrations);
+    assert_eq!(lists(&file, &footer, 0, 13), vibrations);
     let lengths: Vec<u64> = vibrations.iter().map(|vibration| vibration.len() as u64).collect();
     assert_eq!(whole(6), lengths);
-    for (job, outside) in (0..20).map(|job| batch.job(job)).zip(whole(10)) {
+    for (job, outside) in (0..20).map(|job| batch.job(job)).zip(whole(12)) {
         let outside = f64::from_bits(outside);
         assert_eq!((outside == 0.0, outside < 1.0), (job.motion == 0, true), "{outside}");
     }
@@ -174,7 +174,7 @@ fn a_row_is_a_job_with_its_labels_and_signals() {
 #[test]
 fn a_walk_without_ranges_stays_within_what_was_recorded() {
     let (folder, _, file) = file_of(&PLAN.replace(", speed_mm_s: (5, 170), force_n: (0.1, 2.0)", ""));
-    let (_, bytes) = page(&file, &footer(&file), 0, 10);
+    let (_, bytes) = page(&file, &footer(&file), 0, 12);
     assert!(bytes.chunks_exact(8).all(|share| share == 0f64.to_le_bytes()));
     // Of a surface of fitted models nobody knows.
     let path = folder.path().join("surfaces/cork.ron");
@@ -192,7 +192,7 @@ fn a_large_chunk_has_several_groups_of_rows() {
     let footer = footer(&file);
     // The longest row takes 480 kB.
     assert_eq!(footer.len(&[4]), 10);
-    let rows = (0..10).flat_map(|group| lists(&file, &footer, group, 11));
+    let rows = (0..10).flat_map(|group| lists(&file, &footer, group, 13));
     let lengths: Vec<usize> = rows.map(|row| row.len()).collect();
     assert_eq!(lengths, (0..20).map(|job| batch.samples_of(&batch.job(job))).collect::<Vec<_>>());
 }
