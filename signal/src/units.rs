@@ -94,7 +94,6 @@ const UNITS: &[Row] = &[
     unit("_n", "N", Quantity::FORCE, 1.0),
     unit("_mn", "mN", Quantity::FORCE, 1e-3),
     unit("_gf", "gf", Quantity::FORCE, 9.80665e-3),
-    unit("_kgf", "kgf", Quantity::FORCE, 9.80665),
     unit("_lbf", "lbf", Quantity::FORCE, 4.448_221_615_260_5),
     unit("_n_m", "N m", Quantity::TORQUE, 1.0),
     unit("_n_mm", "N mm", Quantity::TORQUE, 1e-3),
@@ -271,10 +270,8 @@ const SHOWN: [&str; 4] = ["_mm", "_mm_s", "_n_mm", "_n_per_mm"];
 
 /// The suffix of a column of this quantity in SI; none for a plain number.
 pub fn suffix(quantity: Quantity) -> String {
-    if quantity == Quantity::NUMBER {
-        return String::new();
-    }
     match of(quantity).find(|unit| unit.si == 1.0) {
+        _ if quantity == Quantity::NUMBER => String::new(),
         Some(unit) => unit.suffix.to_owned(),
         None => format!("_{}", quantity.unit().replace([' ', '^'], "_").replace('-', "minus")),
     }
@@ -335,10 +332,15 @@ pub fn of_name(name: &str) -> Option<Unit> {
     })
 }
 
-/// SI per `unit` of a quantity, written as in names (`mm_s`) or as usual (`mm/s`, `m/s²`, `N m`).
-pub fn si_per(unit: &str, quantity: Quantity) -> Option<f64> {
+/// The end of a name that has a unit, written as in names (`mm_s`) or as usual (`mm/s`, `m/s²`, `N m`); or all of the name.
+pub fn suffix_of(unit: &str) -> String {
     let plain = unit.trim().to_lowercase().replace(['/', ' ', '·'], "_");
-    let suffix = format!("_{}", plain.replace('²', "2").replace('^', "").replace('µ', "u"));
+    format!("_{}", plain.replace('²', "2").replace('^', "").replace(['µ', 'μ'], "u"))
+}
+
+/// SI per `unit` of a quantity, as [`suffix_of`] reads it.
+pub fn si_per(unit: &str, quantity: Quantity) -> Option<f64> {
+    let suffix = suffix_of(unit);
     let known = of(quantity).find(|unit| unit.suffix == suffix);
     known.map(|unit| unit.si)
 }

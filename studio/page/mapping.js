@@ -39,8 +39,8 @@ const unitText = (unit) =>
 export const keptMapping = (names) => kept.get(`mapping.${names.join()}`, null);
 
 // A table in which a person says what the columns of a recording hold; `read` gives what the engine finds with a mapping, `done` gets
-// the mapping.
-export async function mappingForm({ names, columns, all }, read, done) {
+// the mapping. One that `isRead` could be read without.
+export async function mappingForm({ names, columns, all }, read, done, isRead = false) {
     const before = keptMapping(names);
     const { quantities, columns: guesses } = (await read(before ?? {})) ?? { quantities: [], columns: [] };
     const quantityOf = (name) => Object.entries(before?.columns ?? {}).find(([, column]) => column === name)?.[0];
@@ -50,7 +50,8 @@ export async function mappingForm({ names, columns, all }, read, done) {
     const length = make("span");
     const mappingNow = () => {
         const chosen = rows.filter(({ quantity }) => quantity.value);
-        const hasUnit = ({ unit }) => unit.value !== "";
+        // A unit that nobody chose is that of the file, where it was read before.
+        const hasUnit = ({ unit }) => unit.value !== "" && !(isRead && unit.dataset.assumed);
         return {
             columns: Object.fromEntries(chosen.map(({ name, quantity }) => [quantity.value, name])),
             units: Object.fromEntries(chosen.filter(hasUnit).map(({ quantity, unit }) => [quantity.value, unit.value])),
@@ -100,7 +101,7 @@ function inTurns(work) {
 // The page has a menu where the command has a flag.
 const spoken = (text) =>
     text
-        .replace(/(?:; )?(?:add|give it with|or give the unit with) --unit (\w+)=([^\s,;]+)/g, " choose the unit $2 of $1 above")
+        .replace(/(?:; )?(?:add|give it with|or give the unit with) --unit (\w+)=([^\s,;]+)/g, (_, quantity, unit) => ` choose the unit ${unit} of the ${labelOf(quantity)} above`)
         .replace(/;? ?(?:Name the columns: )?--.*$/s, "")
         .replace(/[,;:\s]+$/, "");
 
@@ -122,7 +123,7 @@ function showFindings(list, read) {
 }
 
 // True if a column's name ends in a unit: "acc [g]", "v/(cm/s)", "speed_mm_s".
-const isIn = (name, unit) => new RegExp(`.[^a-z0-9]${unit.replaceAll("_", "[^a-z0-9]*")}[^a-z0-9]*$`, "i").test(name.replace("²", "2"));
+const isIn = (name, unit) => new RegExp(`.[^a-z0-9]${unit.replaceAll("_", "[^a-z0-9]*")}[^a-z0-9]*$`, "i").test(name.replace("²", "2").replace("^", "").replace(/[µμ]/g, "u"));
 
 function rowOf(name, values, quantities, guess, units = {}) {
     const unit = make("select", { "aria-label": `Unit of ${name}` });
@@ -135,12 +136,14 @@ function rowOf(name, values, quantities, guess, units = {}) {
         const text = (each) => (each === likely && !chosen && known.length > 1 ? `${unitText(each)}, assumed` : unitText(each));
         unit.replaceChildren(...known.map((each) => make("option", { value: each, text: text(each) })));
         unit.value = likely ?? "";
+        unit.dataset.assumed = chosen ? "" : "assumed";
         unit.hidden = known.length === 0;
     };
     const numbers = values.filter(Number.isFinite);
     const [low, high] = numbers.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
     quantity.value = guess ?? "";
     quantity.addEventListener("change", showUnits);
+    unit.addEventListener("change", () => (unit.dataset.assumed = ""));
     showUnits();
     const range = numbers.length ? `${Number(low.toPrecision(3))} to ${Number(high.toPrecision(3))}` : "no numbers";
     const cells = [make("th", { scope: "row", text: name }), make("td", {}, pictureOf(numbers, low, high)), make("td", { class: "soft", text: range })];

@@ -40,7 +40,13 @@ function watchCounts(studio, { counts, since }) {
     }
 }
 
+// When a sound was last heard, or there was no reason for one: a hand that presses and rests is silent.
+let heard_ms = 0;
+
 function show(studio, state) {
+    const { demo } = studio.pad;
+    const isMoved = studio.runs && demo.running && demo.gesture !== "press" && studio.sound.on;
+    if (!isMoved || !(studio.sound.report?.peak === 0)) heard_ms = performance.now();
     const { level, text, label, action } = pick(studio, state);
     const line = find("status-text");
     line.dataset.level = level;
@@ -185,13 +191,9 @@ function soundSays(studio, counts, recent) {
     return null;
 }
 
-// When a sound was last heard, or none was asked for.
-let heard_ms = 0;
-
 function handSays(studio) {
     const down = studio.pad.hands.down;
     if (down.some(({ by }) => by === "replay")) return { level: "note", text: "The recorded hand strokes" };
-    if (!studio.pad.demo.running || !studio.sound.on || studio.sound.report?.peak > 0) heard_ms = performance.now();
     if (performance.now() - heard_ms > SILENT_MS)
         return { level: "warn", text: "Silent though a simulated hand strokes: wires of the drawing are thin behind the node that gives nothing" };
     if (studio.pad.demo.running)

@@ -133,15 +133,15 @@ async function learn(studio, file, mapping = undefined) {
     const progress = make("progress", { max: 1, "aria-label": `Learning ${file.name}` });
     const box = make("div", { class: "surface-message", role: "status" }, text, progress);
     find("surfaces").prepend(box);
+    const close = () => {
+        for (const { href } of box.querySelectorAll("a[download]")) URL.revokeObjectURL(href);
+        box.remove();
+    };
     const end = (level, message) => {
         progress.remove();
         box.querySelector("button")?.remove();
         box.classList.toggle("bad", level === "bad");
         text.textContent = message;
-        const close = () => {
-            for (const { href } of box.querySelectorAll("a[download]")) URL.revokeObjectURL(href);
-            box.remove();
-        };
         box.append(make("button", { class: "quiet", text: "Close", onclick: close }));
     };
     if (!studio.hello?.can.surfaces)
@@ -169,8 +169,8 @@ async function learn(studio, file, mapping = undefined) {
     const reply = await answer;
     clearInterval(timer);
     const read = async (chosen) => (await studio.connection.request({ type: "learn", reads: true, name: file.name, csv, mapping: chosen })).read;
-    const again = (chosen) => (box.remove(), learn(studio, file, chosen));
-    const ask = async () => text.after(await mappingForm(head, read, again));
+    const again = (chosen) => (close(), learn(studio, file, chosen));
+    const ask = async () => text.after(await mappingForm(head, read, again, reply.ok && !mapping));
     if (!reply.ok) {
         const asks = head && studio.connection.open && !isCancelled;
         // The page has no flags: it asks what the names of columns do not say.
@@ -187,7 +187,7 @@ async function learn(studio, file, mapping = undefined) {
     studio.say("good", `${file.name} was learned; ${says}`);
     const recording = { name: file.name, csv, mapping, path: reply.change };
     text.after(make("button", { text: "Listen", title: "The recording beside the surface, and ABX", onclick: () => import("./listen.js").then(({ listen }) => listen(studio, recording)).catch((error) => studio.say("bad", `The recording cannot be played: ${error.message}`)) }));
-    if (head) text.after(make("button", { text: "Columns…", title: "Change what its columns hold, and learn it again", onclick: ({ target }) => (target.remove(), ask()) }));
+    if (head) text.after(make("button", { text: "Columns…", title: "Change what its columns hold, and learn another surface of it", onclick: ({ target }) => (target.remove(), ask()) }));
     if (reply.report) text.after(reportLink(reply.report));
     if (reply.learned) text.after(...keepLinks(reply.learned, bare(reply.change).split("/").at(-1)));
 }

@@ -677,6 +677,25 @@ programTest("a recording whose columns have foreign names is learned once a pers
     }
 });
 
+programTest("of a stroke that nothing answers the page says where to look", async () => {
+    const text = readFileSync(join(HOME, "graphs/texturepad.ron"), "utf8")
+        .replace('force: "stylus.force"),', 'force: "pressed"),')
+        .replace("    nodes: {", '    nodes: {\n"pressed": Gain(input: "stylus.force", gain: 0.0),');
+    const own = await studioOf("graphs/mute.ron", { files: { "graphs/mute.ron": text } });
+    const page = await open({ at: own.address });
+    const says = (wanted) => until(page, (text) => document.getElementById("status-text").textContent.includes(text), wanted);
+    try {
+        await page.click("#sound");
+        await page.click("#demo");
+        await says("wires of the drawing are thin behind the node that gives nothing");
+        await page.evaluate(() => studio.set("pressed.gain", 1));
+        await says("A simulated hand strokes");
+    } finally {
+        await page.context().close();
+        await own.end();
+    }
+});
+
 programTest("the page of a recorder shows how much of force and speed is recorded", async () => {
     const own = await studioOf("graphs/recorder.ron");
     const page = await open({ at: own.address });

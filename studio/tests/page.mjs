@@ -1,7 +1,6 @@
 // The page in a real Chromium: node page.mjs WHERE [folder for pictures]; WHERE is the address that a running server printed,
 // "http://127.0.0.1:PORT/?token=TOKEN", or the folder of an exported site.
-// `npm ci` here brings playwright-core; it drives the system's Chromium (CHROMIUM, or that without windows, which draws none of
-// its own, where there is one).
+// `npm ci` here brings playwright-core; it drives the system's Chromium: CHROMIUM, else chromium-headless-shell, else chromium.
 import assert from "node:assert/strict";
 import {
     assertSame,

@@ -21,7 +21,7 @@ pub(super) fn like_ours(name: &str) -> Option<String> {
     let lower = name.to_lowercase();
     let translated = WORDS.iter().find_map(|(word, ours)| {
         let rest = lower.strip_prefix(word)?;
-        let ends = rest.is_empty() || rest.starts_with(['_', ' ', '[', '(']);
+        let ends = rest.is_empty() || rest.starts_with(['_', ' ', '[', '(', '/']);
         ends.then(|| format!("{ours}{rest}"))
     });
     let (plain, _) = plain_name(&translated.unwrap_or(lower))?;

@@ -67,7 +67,9 @@ mod tests {
             (["clock", "pressing", "v_tip", "vib"], ["time", "force_normal", "speed", "accel"]);
         assert_eq!(of(&plain), all(&named));
         assert_eq!(of(&["Zeit", "Kraft [N]", "Geschw (mm/s)", "Beschl [g]"]), all(&named));
-        assert_eq!(of(&["T/ms", "Fz/gf", "v/(cm/s)", "a_tool/g"]), all(&named));
+        assert_eq!(of(&["q1/ms", "q2/gf", "q3/(cm/s)", "q4/g"]), all(&named));
+        assert_eq!(of(&["t / µs", "q/N", "Velocity/(m/s)", "a/m/s²"]), all(&named));
+        assert_eq!(of(&["w/s", "1/s", "q m/s", "gyro deg/s", "q_mV/N", "N/A"]), [const { None }; 6]);
         assert_eq!(of(&["vib", "vib 2", "note"]), [Some("accel".to_owned()), None, None]);
         assert_eq!(
             of(&["time_s", "friction", "load", "v"]),

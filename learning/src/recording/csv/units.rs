@@ -42,19 +42,23 @@ static DIMENSIONS: [(&str, Quantity); 8] = [
 /// The parts of a name between quantity and unit.
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
-/// Splits a name with a unit in brackets or after a slash, such as `speed (mm/s)`, `accel [g]`, `v/(cm/s)` or `t/ms`.
+/// Splits a name with a unit in brackets, such as `speed (mm/s)`, `v/(mm/s)` or `accel [g]`.
 fn bracketed(name: &str) -> Option<(&str, &str)> {
-    let (before, unit) = match (name.strip_suffix(']'), name.strip_suffix(')')) {
-        (Some(rest), _) => rest.rsplit_once('[')?,
-        (_, Some(rest)) => rest.rsplit_once('(')?,
-        // Not one within the unit, as in `speed_m/s`.
-        _ => name.split_once('/').filter(|(_, unit)| {
-            let end = units::at_end_of(&format!("_{}", name.replace('/', "_")));
-            end.is_some_and(|(length, _)| length == 1 + unit.len())
-        })?,
+    let (before, unit) = match name.strip_suffix(']') {
+        Some(rest) => rest.rsplit_once('[')?,
+        None => name.strip_suffix(')')?.rsplit_once('(')?,
     };
-    let before = before.trim_end_matches([' ', '/']);
+    let before = before.trim_end_matches(|c: char| c.is_whitespace() || c == '/');
     (!before.is_empty()).then_some((before, unit.trim()))
+}
+
+/// Splits a lower-case name with a unit after a slash, such as `t/ms` or `a/m/s²`; not where the slash may be one of the unit, as in
+/// `speed m/s`, `samples/s` or `accel_mv/g`.
+fn slashed(name: &str) -> Option<(&str, &str)> {
+    let (before, unit) = name.split_once('/').map(|(before, unit)| (before.trim_end(), unit.trim()))?;
+    let (suffix, end) = (units::suffix_of(unit), units::at_end_of(&units::suffix_of(name))?);
+    let is_whole = end.0 == suffix.len() && units::at_end_of(before).is_none() && !before.contains(' ');
+    (is_whole && name != "n/a" && (unit != "s" || before.starts_with('t'))).then_some((before, unit))
 }
 
 /// Splits a column's name into quantity, name without unit, and the rest; `None` for unknown columns.
@@ -62,6 +66,11 @@ fn parts(name: &str) -> Option<(Quantity, String, &str)> {
     if let Some((before, unit)) = bracketed(name) {
         let (quantity, plain, rest) = parts(before)?;
         return rest.is_empty().then_some((quantity, plain, unit));
+    }
+    if let Some((before, unit)) = slashed(name)
+        && let Some((quantity, plain, "")) = parts(before)
+    {
+        return Some((quantity, plain, unit));
     }
     let (quantity_name, quantity) = DIMENSIONS.iter().find(|(quantity, _)| {
         name.strip_prefix(quantity).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
@@ -79,8 +88,7 @@ fn parts(name: &str) -> Option<(Quantity, String, &str)> {
 pub(in crate::recording) fn si_unit(name: &str) -> Option<&'static str> {
     parse_name(name)?.ok()?;
     let (quantity, ..) = parts(name)?;
-    let named = Quantity::NAMED.iter().find(|(known, ..)| *known == quantity);
-    named.map(|(.., unit)| *unit)
+    Quantity::NAMED.iter().find(|(known, ..)| *known == quantity).map(|(.., unit)| *unit)
 }
 
 /// The name without its unit, and the unit; `None` for unknown columns.
@@ -112,10 +120,10 @@ pub(in crate::recording) fn unit_in_file(
     is_mapped: bool,
 ) -> Result<Scale, String> {
     let Some((quantity, ..)) = parts(plain) else {
-        return Err(not_ours(plain));
+        return Err(format!("unknown quantity {plain}; a recording has no such quantity"));
     };
     let lower = header.to_lowercase();
-    let own = match (bracketed(&lower), parts(&lower)) {
+    let own = match (bracketed(&lower).or_else(|| slashed(&lower)), parts(&lower)) {
         (Some((_, unit)), _) => scale_of(unit, quantity),
         (None, Some((_, _, unit))) if !is_mapped => scale_of(unit, quantity),
         _ => unit_at_end(&lower, plain),
@@ -151,10 +159,6 @@ pub(in crate::recording) fn example_unit(plain: &str) -> &'static str {
     }
 }
 
-fn not_ours(plain: &str) -> String {
-    format!("unknown quantity {plain}; a recording has no such quantity")
-}
-
 /// The physical quantity of one of our quantities.
 pub(in crate::recording) fn dimension(plain: &str) -> Option<Quantity> {
     parts(plain).map(|(quantity, ..)| quantity)
@@ -180,13 +184,13 @@ pub(in crate::recording) fn unit_of_column(header: &str, below: &str) -> Option<
     if let Some(Ok((_, scale))) = parse_name(&lower) {
         return si_unit(&lower).map(|unit| (scale, unit));
     }
-    unit_of_anything(bracketed(&lower).map_or(below, |(_, unit)| unit))
+    unit_of_anything(bracketed(&lower).or_else(|| slashed(&lower)).map_or(below, |(_, unit)| unit))
 }
 
 /// True if a column is of this quantity, by its unit alone.
 pub(in crate::recording) fn is_of(header: &str, below: &str, quantity: Quantity) -> bool {
     let lower = header.to_lowercase();
-    match bracketed(&lower) {
+    match bracketed(&lower).or_else(|| slashed(&lower)) {
         Some((_, unit)) => scale_of(unit, quantity).is_some(),
         None if units::of_header(&lower).0 == Quantity::NUMBER => {
             scale_of(below.trim_matches(|c: char| "[]()".contains(c)), quantity).is_some()
@@ -198,7 +202,7 @@ pub(in crate::recording) fn is_of(header: &str, below: &str, quantity: Quantity)
 /// Parses a unit that the user gave for a quantity such as `accel` or `force_normal`; `1` is an unknown unit.
 pub(in crate::recording) fn parse_unit(plain: &str, unit: &str) -> Result<Scale, String> {
     let Some((quantity, _, "")) = parts(plain) else {
-        return Err(not_ours(plain));
+        return Err(format!("unknown quantity {plain}; a recording has no such quantity"));
     };
     if unit.trim() == "1" {
         return Ok(Scale::One);
