@@ -93,7 +93,7 @@ fn power_and_spectrum_below_500_hz_are_those_of_the_models() {
         let density = |f_hz: f64| arma_density(mix.ar(), mix.ma(), variance, 1000.0, f_hz);
         let y = rendered(&file, 40.0);
         let found = welch(&y[2000..], 10_000.0, 4096, 2048, Window::Hann).unwrap();
-        let step_hz = found.resolution_hz();
+        let step_hz = found.frequency_hz[1];
         let power = |low_hz: f64, high_hz: f64| {
             let bins = found.frequency_hz.iter().zip(&found.density);
             let within = bins.filter(|(f_hz, _)| (low_hz..high_hz).contains(*f_hz));

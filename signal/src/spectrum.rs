@@ -130,7 +130,7 @@ impl Spectrogram {
 
 impl Psd {
     /// Bin width in Hz; 0 for a single bin.
-    pub fn resolution_hz(&self) -> f64 {
+    fn resolution_hz(&self) -> f64 {
         self.frequency_hz.get(1).copied().unwrap_or(0.0)
     }
 
